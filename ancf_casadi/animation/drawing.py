@@ -1,4 +1,4 @@
-"""Drawing of pictures: what stands still is drawn once, and what moves on copies of it, perhaps over a video.
+"""Drawing of pictures: static artists are drawn once, and moving ones on copies of that picture, perhaps over a video.
 
 A camera shows a point r of the beam, turned by the rotation R of the picture, at
 
@@ -32,14 +32,14 @@ from ancf_casadi.support.figures import MEASURED, literal_text
 from ancf_casadi.support.progress import count_step
 
 ALL_PANELS = (640.0, 440.0)  # pixels for the panels together
-LEAST_PANEL = 130.0  # pixels of a side, for its title
-MOST_COLUMNS = 960  # pixels of a picture over a background
+MIN_PANEL = 130.0  # pixels of a side, for its title
+MAX_COLUMNS = 960  # pixels of a picture over a background
 
-Moves = list[tuple[Artist, Callable[[int], object]]]  # what moves, and how it takes its place in picture k
+Movements = list[tuple[Artist, Callable[[int], object]]]  # what moves, and how it takes its place in picture k
 
 
 @dataclass(frozen=True)
-class Drawn:
+class DrawnBeam:
     """A beam as the pictures show it."""
 
     model: Model
@@ -59,7 +59,7 @@ class Drawn:
 class Film:
     """Everything that the pictures show."""
 
-    panels: Sequence[tuple[str, Mapping[str, Drawn]]]  # titles, and beams by label; one panel over a background
+    panels: Sequence[tuple[str, Mapping[str, DrawnBeam]]]  # titles, and beams by label; one panel over a background
     clock: Sequence[str]  # text above each picture
     markers: Array = field(default_factory=lambda: np.empty((1, 0, 2)))  # (pictures, m, 2), m
     background: Footage | None = None
@@ -72,29 +72,29 @@ class Film:
 
 def pictures(film: Film) -> Iterator[Image.Image]:
     """Yield the pictures of a film, of even width and height."""
-    moves: Moves = []
+    moves: Movements = []
     figure = _draw(film, moves)
     figure.set_size_inches(*(0.02 * np.round(50.0 * figure.get_size_inches())))
     canvas: Any = FigureCanvasAgg(figure)
-    moving = sorted(dict.fromkeys(artist for artist, _ in moves), key=lambda one: one.get_zorder())
-    for artist in moving:
+    artists = sorted(dict.fromkeys(artist for artist, _ in moves), key=lambda artist: artist.get_zorder())
+    for artist in artists:
         artist.set_animated(True)
     canvas.draw()
     figure.set_layout_engine("none")
-    still = canvas.copy_from_bbox(figure.bbox)
+    static_background = canvas.copy_from_bbox(figure.bbox)
     for k in range(len(film.clock)):
-        canvas.restore_region(still)
+        canvas.restore_region(static_background)
         for _, move in moves:
             move(k)
-        for artist in moving:
+        for artist in artists:
             figure.draw_artist(artist)
         count_step()
         yield Image.fromarray(np.asarray(canvas.buffer_rgba())).convert("RGB")
 
 
 @literal_text
-def _draw(film: Film, moves: Moves) -> Figure:
-    """Return the figure of the first picture, and add what moves."""
+def _draw(film: Film, moves: Movements) -> Figure:
+    """Return the figure of the first picture, and append the moving artists to ``moves``."""
     figure = Figure(dpi=100)
     plots = [_background(figure, film, moves)] if film.background else _panels(figure, film)
     for axes, (_, beams) in zip(plots, film.panels, strict=True):
@@ -113,9 +113,10 @@ def _draw(film: Film, moves: Moves) -> Figure:
 
 def _panels(figure: Figure, film: Film) -> list[Axes]:
     """Return panels of one scale, in as many rows and columns as make them large, with titles and gravity."""
-    drawn = [one for _, beams in film.panels for one in beams.values()]
-    seen = 1e3 * np.concatenate([one.reshape(-1, 2) for one in (*(one.positions for one in drawn), film.markers)])
-    low, high = np.nanmin(seen, axis=0), np.nanmax(seen, axis=0)
+    drawn_beams = [beam for _, beams in film.panels for beam in beams.values()]
+    shown = [*(beam.positions for beam in drawn_beams), film.markers]
+    positions = 1e3 * np.concatenate([points.reshape(-1, 2) for points in shown])
+    low, high = np.nanmin(positions, axis=0), np.nanmax(positions, axis=0)
     middle, size = (low + high) / 2, (high - low) + 0.2 * float((high - low).max())  # with room for symbols
     count = len(film.panels)
     scales = [
@@ -123,9 +124,9 @@ def _panels(figure: Figure, film: Film) -> list[Axes]:
         for k in range(1, count + 1)
     ]
     columns = int(np.argmax(scales)) + 1
-    rows, panel = math.ceil(count / columns), np.maximum(max(scales) * size, LEAST_PANEL)
-    above = max(8 + 16 * (1 + title.count("\n")) if title else 0 for title, _ in film.panels)
-    width, height = columns * (panel[0] + 20.0) + 70.0, rows * (panel[1] + 20.0 + above) + 80.0
+    rows, panel = math.ceil(count / columns), np.maximum(max(scales) * size, MIN_PANEL)
+    title_height = max(8 + 16 * (1 + title.count("\n")) if title else 0 for title, _ in film.panels)
+    width, height = columns * (panel[0] + 20.0) + 70.0, rows * (panel[1] + 20.0 + title_height) + 80.0
     figure.set_size_inches(max(width, 300.0) / 100, max(height, 300.0) / 100)
     figure.set_layout_engine("constrained")
     grid = figure.subplots(rows, columns, squeeze=False).ravel()
@@ -135,29 +136,29 @@ def _panels(figure: Figure, film: Film) -> list[Axes]:
             axes.set(xlabel="x, mm", ylabel="y, mm")
             axes.label_outer()
         axes.set_aspect("equal", adjustable="box")
-        for name, own, extent in zip("xy", middle, size, strict=True):
-            axes.set(**{f"{name}lim": (own - extent / 2, own + extent / 2)})
+        for name, centre, extent in zip("xy", middle, size, strict=True):
+            axes.set(**{f"{name}lim": (centre - extent / 2, centre + extent / 2)})
         axes.set_title(title, fontsize="medium")
-        corner = _free_corner((seen - middle) / size + 0.5, 26.0 / panel)
+        corner = _free_corner((positions - middle) / size + 0.5, 26.0 / panel)
         draw_gravity(axes, next(iter(beams.values())).model, corner)
     for axes in grid[count:]:
         axes.set_visible(False)
     return list(grid[:count])
 
 
-def _free_corner(seen: Array, inset: Array) -> tuple[float, float]:
-    """Return the corner of a panel, with the inset of a symbol, that is farthest from what is seen; all from 0 to 1."""
+def _free_corner(positions: Array, inset: Array) -> tuple[float, float]:
+    """Return the corner of a panel, inset for a symbol, that is farthest from the positions; all from 0 to 1."""
     corners = [(x, y) for x in (1.0 - inset[0], inset[0]) for y in (1.0 - inset[1], inset[1])]
-    x, y = max(corners, key=lambda corner: np.nanmin(np.linalg.norm(seen - corner, axis=1)))
+    x, y = max(corners, key=lambda corner: np.nanmin(np.linalg.norm(positions - corner, axis=1)))
     return float(x), float(y)
 
 
-def _background(figure: Figure, film: Film, moves: Moves) -> Axes:
+def _background(figure: Figure, film: Film, moves: Movements) -> Axes:
     """Let the pictures of a video fill the figure."""
     footage = film.background
     assert footage is not None
     rows, columns = footage.image(film.frames[0]).shape[:2]
-    figure.set_size_inches(np.array([columns, rows]) * min(1.0, MOST_COLUMNS / columns) / 100)
+    figure.set_size_inches(np.array([columns, rows]) * min(1.0, MAX_COLUMNS / columns) / 100)
     axes = figure.add_axes((0.0, 0.0, 1.0, 1.0))
     axes.set_axis_off()
     image = axes.imshow(footage.image(film.frames[0]), cmap="gray", vmin=0, vmax=255, aspect="auto", zorder=0)
@@ -165,7 +166,7 @@ def _background(figure: Figure, film: Film, moves: Moves) -> Axes:
     return axes
 
 
-def _draw_beams(axes: Axes, beams: Mapping[str, Drawn], film: Film, moves: Moves) -> None:
+def _draw_beams(axes: Axes, beams: Mapping[str, DrawnBeam], film: Film, moves: Movements) -> None:
     """Draw the beams of a panel with the traces of their points, supports, and measured markers."""
     halo: Any = {"path_effects": [withStroke(linewidth=4.0, foreground="white")]} if film.background else {}
 
@@ -173,28 +174,28 @@ def _draw_beams(axes: Axes, beams: Mapping[str, Drawn], film: Film, moves: Moves
         (line,) = axes.plot([], [], **style)
         _move(moves, line, film.view(positions))
 
-    for (label, one), (colour, dash) in zip(beams.items(), line_styles(beams), strict=False):
-        for trail in one.trails:
+    for (label, beam), (colour, dash) in zip(beams.items(), line_styles(beams), strict=False):
+        for trail in beam.trails:
             draw(trail, color=colour, lw=0.8, alpha=0.6)
-        draw(one.positions, color=colour, ls=dash, lw=2.0, label=label if len(beams) > 1 else "computed", **halo)
+        draw(beam.positions, color=colour, ls=dash, lw=2.0, label=label if len(beams) > 1 else "computed", **halo)
         if film.background is None:
-            _draw_symbols(axes, one, moves)
+            _draw_symbols(axes, beam, moves)
     if film.markers.shape[1]:
         draw(film.markers, ls="none", marker="o", ms=6.0, mfc="none", mec=MEASURED, mew=1.2, label="measured", **halo)
 
 
-def _move(moves: Moves, line: Line2D, data: Array) -> None:
+def _move(moves: Movements, line: Line2D, data: Array) -> None:
     moves.append((line, lambda k: line.set_data(*data[k].T)))
 
 
-def _draw_symbols(axes: Axes, one: Drawn, moves: Moves) -> None:
+def _draw_symbols(axes: Axes, beam: DrawnBeam, moves: Movements) -> None:
     """Draw supports and attachments, which move with their points, and turn with the base if they do not slide."""
-    straight = one.model.straight
-    turn = np.nan_to_num(np.arctan2(*one.coordinates[:, [3, 2]].T) - math.atan2(straight[3], straight[2]))
-    for part, line, style in draw_set_up(axes, one.model, straight):
-        _move(moves, line, 1e3 * (one.coordinates @ one.model.interpolation(part.point).T)[:, None])
-        if not getattr(part, "sliding", None):
-            moves.append((line, partial(_turn, line, style, turn + getattr(part, "angle", 0.0))))
+    straight = beam.model.straight
+    turn = np.nan_to_num(np.arctan2(*beam.coordinates[:, [3, 2]].T) - math.atan2(straight[3], straight[2]))
+    for component, line, style in draw_set_up(axes, beam.model, straight):
+        _move(moves, line, 1e3 * (beam.coordinates @ beam.model.interpolation(component.point).T)[:, None])
+        if not getattr(component, "sliding", None):
+            moves.append((line, partial(_turn, line, style, turn + getattr(component, "angle", 0.0))))
 
 
 def _turn(line: Line2D, style: MarkerStyle, angles: Array, k: int) -> None:

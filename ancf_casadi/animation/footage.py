@@ -77,10 +77,15 @@ class Footage(Displayed):
 
     def image(self, index: int) -> Array:
         """Return a picture by its number, from 0."""
-        found = np.asarray(self.images[index])
-        if found.dtype != np.uint8 or found.ndim not in (2, 3) or found.shape[2:] not in ((), (3,)) or not found.size:
+        picture = np.asarray(self.images[index])
+        if (
+            picture.dtype != np.uint8
+            or picture.ndim not in (2, 3)
+            or picture.shape[2:] not in ((), (3,))
+            or not picture.size
+        ):
             raise InputError(f"picture {index} is no array of bytes, (rows, columns) or (rows, columns, 3)", "images")
-        return found
+        return picture
 
     def pixels(self, positions: ArrayLike) -> Array:
         """Return column and row of positions in the laboratory frame, (..., 2), m, likewise (..., 2)."""

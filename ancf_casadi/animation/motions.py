@@ -30,7 +30,7 @@ from matplotlib.colors import to_rgb
 from numpy.typing import ArrayLike
 from PIL import Image
 
-from ancf_casadi.animation.drawing import Drawn, Film, pictures
+from ancf_casadi.animation.drawing import DrawnBeam, Film, pictures
 from ancf_casadi.animation.footage import Footage
 from ancf_casadi.dynamics.trajectory import Motion
 from ancf_casadi.exceptions import InputError
@@ -53,12 +53,12 @@ from ancf_casadi.support.inputs import (
 from ancf_casadi.support.progress import counter
 from ancf_casadi.vibration.modes import Modes
 
-MOST_PICTURES = 3000  # all of a GIF file are in memory, 0.3 MB each
-FEWEST_PER_PERIOD = 12  # test_a_period_has_twelve_pictures_by_default
-LEAST_DURATION = 2.0  # s that pictures last at least, if slower is not given
+MAX_PICTURES = 3000  # all of a GIF file are in memory, 0.3 MB each
+MIN_PER_PERIOD = 12  # test_a_period_has_twelve_pictures_by_default
+MIN_DURATION = 2.0  # s that pictures last at least, if slower is not given
 CYCLE = 2.0  # s that a period of a mode lasts
 TRAIL = 1.0  # s of pictures over which a trace lasts
-MOST_MODES = 6  # panels of modes, if no modes are given
+MAX_MODES = 6  # panels of modes, if no modes are given
 SUFFIXES = (".gif", ".mp4", ".html")
 TRANSPARENT = 255  # colour that stands for the one below
 
@@ -89,43 +89,43 @@ def moving_pictures(
     first, last = min(float(run.time[0]) for run in runs.values()), max(float(run.time[-1]) for run in runs.values())
     if background is not None:
         check_instance(background, "background", Footage)
-        covered = array(background.time, "background")
-        first, last = max(first, float(covered[0])), min(last, float(covered[-1]))
+        video_time = array(background.time, "background")
+        first, last = max(first, float(video_time[0])), min(last, float(video_time[-1]))
     begin = first if begin is None else max(first, number(begin, "begin"))
     end = last if end is None else min(last, number(end, "end"))
     if begin >= end:
         raise InputError(f"must be before the end, within {first:g} to {last:g} s", "begin")
     slower = _slower(runs.values(), end - begin, delay) if slower is None else physical(slower, "slower")
     count = (end - begin) * slower / delay + (0.5 if periodic else 1.0 + 1e-9)  # the first picture ends a period
-    if not 2.0 <= count < MOST_PICTURES + 1:
-        raise InputError(f"{slower:g} makes {count:.3g} pictures, not 2 to {MOST_PICTURES}; give another, or begin "
+    if not 2.0 <= count < MAX_PICTURES + 1:
+        raise InputError(f"{slower:g} makes {count:.3g} pictures, not 2 to {MAX_PICTURES}; give another, or begin "
                          "and end of a part", "slower")  # fmt: skip
     count = int(count)
     slower = count * delay / (end - begin) if periodic else slower
     times: Array = np.asarray(begin + np.arange(count) * delay / slower)
-    frames = [] if background is None else [int(np.abs(covered - time).argmin()) for time in times]
-    times = times if background is None else covered[frames]
+    frames = [] if background is None else [int(np.abs(video_time - time).argmin()) for time in times]
+    times = times if background is None else video_time[frames]
     before = times[:, None] - np.linspace(0.0, TRAIL / slower, 4 * round(TRAIL / delay) + 1)
 
-    def drawn(run: Motion) -> Drawn:
+    def draw_beam(run: Motion) -> DrawnBeam:
         places = [run.model.beam.length] if points is None else numbers(points, "points")
         paths = [run.position(place) for place in places]
         if periodic:
-            own = run.time[0] + np.mod(times - run.time[0], np.ptp(run.time))
-            trails = [np.broadcast_to(one, (count, *one.shape)) for one in paths]
-            return Drawn(run.model, _at(own, run.time, run.coordinates), trails)
-        trails = [_at(np.maximum(before, begin), run.time, one) for one in paths]
-        return Drawn(run.model, _at(times, run.time, run.coordinates), trails)
+            times_in_period = run.time[0] + np.mod(times - run.time[0], np.ptp(run.time))
+            trails = [np.broadcast_to(path, (count, *path.shape)) for path in paths]
+            return DrawnBeam(run.model, _interpolate(times_in_period, run.time, run.coordinates), trails)
+        trails = [_interpolate(np.maximum(before, begin), run.time, path) for path in paths]
+        return DrawnBeam(run.model, _interpolate(times, run.time, run.coordinates), trails)
 
-    beams = {label: drawn(run) for label, run in runs.items()}
-    panels = [(label, {label: one}) for label, one in beams.items()] if beside else [("", beams)]
+    beams = {label: draw_beam(run) for label, run in runs.items()}
+    panels = [(label, {label: beam}) for label, beam in beams.items()] if beside else [("", beams)]
     digits = max(0, math.ceil(-math.log10(delay / slower)))
     width = len(f"{times[-1]:.{digits}f}")  # in figure spaces, so that the text keeps its place
     clock = [f"{time:.{digits}f}".rjust(width, "\u2007") + f" s, {_tempo(slower)}" for time in times]
-    film = Film(panels, clock, _seen(markers, times), background, frames)
-    some = None if background is None else Image.fromarray(background.image(frames[-1])).convert("RGB")
+    film = Film(panels, clock, _marker_positions(markers, times), background, frames)
+    sample_picture = None if background is None else Image.fromarray(background.image(frames[-1])).convert("RGB")
     with counter("animation"):
-        return encoded(pictures(film), suffix, delay, some)
+        return encode_pictures(pictures(film), suffix, delay, sample_picture)
 
 
 def moving_modes(
@@ -133,24 +133,24 @@ def moving_modes(
 ) -> bytes:
     """Return the content of a file, whose path tells its format, with mode shapes by label (``Modes.animate``)."""
     suffix, delay = check_animation(path), _delay(frame_rate)
-    least = min(one.count for one in results.values())
-    chosen = range(1, min(least, MOST_MODES) + 1) if modes is None else instances(modes, "modes", object)
-    shown = [whole(k, "modes", 1, least) - 1 for k in chosen]
+    mode_count = min(result.count for result in results.values())
+    numbers = range(1, min(mode_count, MAX_MODES) + 1) if modes is None else instances(modes, "modes", object)
+    mode_indices = [whole(k, "modes", 1, mode_count) - 1 for k in numbers]
     count = round(CYCLE / delay)
     swing = np.sin(2 * np.pi * np.arange(count) / count)
     panels = []
-    for k in shown:
+    for k in mode_indices:
         beams = {}
-        for label, one in results.items():
-            moved = one.equilibrium.coordinates + swing[:, None] * drawn_shape(one, k)
-            tip = moved @ one.model.interpolation(one.reference_points[k]).T
-            beams[label] = Drawn(one.model, moved, [np.broadcast_to(tip, (count, *tip.shape))])
-        values = [float(one.frequencies[k]) for one in results.values()]
+        for label, result in results.items():
+            coordinates = result.equilibrium.coordinates + swing[:, None] * drawn_shape(result, k)
+            tip = coordinates @ result.model.interpolation(result.reference_points[k]).T
+            beams[label] = DrawnBeam(result.model, coordinates, [np.broadcast_to(tip, (count, *tip.shape))])
+        values = [float(result.frequencies[k]) for result in results.values()]
         tempo = f"\n{_tempo(count * delay * values[0])}" if len(values) == 1 and values[0] > 1e-3 else ""
         panels.append((f"mode {k + 1}: {', '.join(f'{value:.4g}' for value in values)} Hz{tempo}", beams))
     clock = [f"exaggerated to {100 * DRAWN_SHARE:g} % of the length"] * count
     with counter("animation"):
-        return encoded(pictures(Film(panels, clock)), suffix, delay)
+        return encode_pictures(pictures(Film(panels, clock)), suffix, delay)
 
 
 def _delay(frame_rate: float) -> float:
@@ -161,15 +161,15 @@ def _delay(frame_rate: float) -> float:
 
 
 def _slower(runs: Iterable[Motion], length: float, delay: float) -> float:
-    """Return how many times slower motions are shown, by default, for a time of some length (s)."""
-    needed = LEAST_DURATION / length
+    """Return the factor by which motions of a length (s) are slowed by default."""
+    factor = MIN_DURATION / length
     for run in runs:
         swing = run.relative_coordinates.reshape(len(run.time), -1, NODE)[:, :, :2]
         size = math.sqrt(((swing - swing.mean(axis=0)) ** 2).sum())
         rate = math.sqrt((np.gradient(swing, run.time, axis=0) ** 2).sum())
-        needed = max(needed, FEWEST_PER_PERIOD * delay * rate / (2 * math.pi * size) if size else 0.0)
-    power = 10.0 ** math.floor(math.log10(max(needed, 1.0)))
-    return float(next(m * power for m in (1, 2, 5, 10) if m * power >= (1 - 1e-9) * needed))
+        factor = max(factor, MIN_PER_PERIOD * delay * rate / (2 * math.pi * size) if size else 0.0)
+    power = 10.0 ** math.floor(math.log10(max(factor, 1.0)))
+    return float(next(m * power for m in (1, 2, 5, 10) if m * power >= (1 - 1e-9) * factor))
 
 
 def _tempo(slower: float) -> str:
@@ -178,15 +178,15 @@ def _tempo(slower: float) -> str:
     return f"{slower:.3g} times slower" if slower > 1.0 else f"{1 / slower:.3g} times faster"
 
 
-def _at(times: Array, given: Array, values: Array) -> Array:
+def _interpolate(times: Array, sample_times: Array, values: Array) -> Array:
     """Return values, (k, ...), interpolated linearly at times, and nan before the first and after the last."""
-    k = np.clip(np.searchsorted(given, times, side="right"), 1, len(given) - 1)
-    share = (times - given[k - 1]) / (given[k] - given[k - 1])
-    share = np.where(np.abs(share - 0.5) <= 0.5 + 1e-6, share, np.nan)[(...,) + (None,) * (values.ndim - 1)]
-    return np.asarray((1.0 - share) * values[k - 1] + share * values[k])
+    k = np.clip(np.searchsorted(sample_times, times, side="right"), 1, len(sample_times) - 1)
+    fraction = (times - sample_times[k - 1]) / (sample_times[k] - sample_times[k - 1])
+    fraction = np.where(np.abs(fraction - 0.5) <= 0.5 + 1e-6, fraction, np.nan)[(...,) + (None,) * (values.ndim - 1)]
+    return np.asarray((1.0 - fraction) * values[k - 1] + fraction * values[k])
 
 
-def _seen(markers: Any, times: Array) -> Array:
+def _marker_positions(markers: Any, times: Array) -> Array:
     """Return the positions of measured markers at the instants of the pictures."""
     if markers is None:
         return np.empty((len(times), 0, 2))
@@ -198,7 +198,7 @@ def _seen(markers: Any, times: Array) -> Array:
         raise InputError(f"have shapes {time.shape}, {positions.shape} instead of (k,), (k, m, 2)", "markers")
     if (time[1:] <= time[:-1]).any():
         raise InputError("must have times that increase", "markers")
-    return _at(times, time, positions)
+    return _interpolate(times, time, positions)
 
 
 def check_animation(path: str | Path) -> str:
@@ -211,10 +211,12 @@ def check_animation(path: str | Path) -> str:
     return suffix
 
 
-def encoded(pictures: Iterator[Image.Image], suffix: str, delay: float, background: Image.Image | None = None) -> bytes:
+def encode_pictures(
+    pictures: Iterator[Image.Image], suffix: str, delay: float, background: Image.Image | None = None
+) -> bytes:
     """Return the content of a file with pictures of one size, each shown for a time (s).
 
-    Those over a background, of which one picture is given, have its colours too.
+    Pictures over a background also have the colours of the background, of which one picture is given.
     """
     if suffix == ".mp4":
         return _mp4(pictures, delay)
@@ -222,7 +224,7 @@ def encoded(pictures: Iterator[Image.Image], suffix: str, delay: float, backgrou
         pictures = _in_few_colours(pictures, background)
     first = next(pictures)
     if suffix == ".html":
-        return _page(first, pictures, delay)
+        return _html_page(first, pictures, delay)
     out = io.BytesIO()
     first.save(out, "GIF", save_all=True, append_images=pictures, duration=round(1e3 * delay), loop=0)
     return out.getvalue()
@@ -233,54 +235,69 @@ def _in_few_colours(pictures: Iterator[Image.Image], background: Image.Image | N
     inks = np.array([to_rgb(ink) for ink in ("black", MEASURED, COMPUTED, *(ink for ink, *_ in SERIES))])
     shades = 1.0 - np.linspace(0.0, 1.0, 12)[:, None, None] * (1.0 - inks)
     colours = np.unique(np.round(255 * shades).astype(np.uint8).reshape(-1, 3), axis=0)
-    own = b""
+    background_colours = b""
     if background is not None:
-        some = background.quantize(TRANSPARENT - len(colours))
-        own = bytes(some.getpalette() or [])
+        reduced = background.quantize(TRANSPARENT - len(colours))
+        background_colours = bytes(reduced.getpalette() or [])
     palette = Image.new("P", (1, 1))
-    palette.putpalette((colours.tobytes() + own).ljust(3 * (TRANSPARENT + 1), b"\xff"))  # PNG files need all
-    for one in pictures:
-        yield one.quantize(palette=palette, dither=Image.Dither.NONE)
+    colour_bytes = colours.tobytes() + background_colours
+    palette.putpalette(colour_bytes.ljust(3 * (TRANSPARENT + 1), b"\xff"))  # PNG files need all
+    for picture in pictures:
+        yield picture.quantize(palette=palette, dither=Image.Dither.NONE)
 
 
-def _page(first: Image.Image, others: Iterator[Image.Image], delay: float) -> bytes:
+def _html_page(first: Image.Image, pictures: Iterator[Image.Image], delay: float) -> bytes:
     """Return an HTML page that holds all pictures; those of few colours as their differences from the first."""
     kind = "PNG" if first.mode == "P" else "JPEG"
     texts: list[str] = []
-    for one in itertools.chain([first], others):
+    for picture in itertools.chain([first], pictures):
         if texts and kind == "PNG":
-            one.paste(TRANSPARENT, mask=Image.fromarray(np.asarray(one) == np.asarray(first)))
+            picture.paste(TRANSPARENT, mask=Image.fromarray(np.asarray(picture) == np.asarray(first)))
         out = io.BytesIO()
-        one.save(out, kind, **({"transparency": TRANSPARENT} if kind == "PNG" else {}))
+        picture.save(out, kind, **({"transparency": TRANSPARENT} if kind == "PNG" else {}))
         texts.append(base64.b64encode(out.getvalue()).decode())
-    given = {"width": first.width, "last": len(texts) - 1, "delay": round(1e3 * delay), "kind": f"image/{kind.lower()}"}
-    pictures = ",".join(f'"{text}"' for text in texts)
-    return filled_template("ancf_casadi.animation", "player.html.jinja", given | {"pictures": pictures}).encode()
+    values = {
+        "width": first.width,
+        "last": len(texts) - 1,
+        "delay": round(1e3 * delay),
+        "kind": f"image/{kind.lower()}",
+    }
+    contents = ",".join(f'"{text}"' for text in texts)
+    return filled_template("ancf_casadi.animation", "player.html.jinja", values | {"pictures": contents}).encode()
 
 
 def _ffmpeg() -> str:
     """Return the path of ffmpeg: that of matplotlib's settings, or of imageio-ffmpeg."""
-    found: str | None = shutil.which(rcParams["animation.ffmpeg_path"])
+    program: str | None = shutil.which(rcParams["animation.ffmpeg_path"])
     with contextlib.suppress(ImportError, RuntimeError):
-        found = found or import_module("imageio_ffmpeg").get_ffmpeg_exe()
-    if not found:
+        program = program or import_module("imageio_ffmpeg").get_ffmpeg_exe()
+    if not program:
         raise InputError("needs ffmpeg, or the package imageio-ffmpeg; or write .gif or .html", ".mp4")
-    return found
+    return program
 
 
 def _mp4(pictures: Iterator[Image.Image], delay: float) -> bytes:
     first = next(pictures)
     with tempfile.TemporaryDirectory() as folder, tempfile.TemporaryFile() as messages:
         path = Path(folder) / "motion.mp4"
-        given = ["-f", "rawvideo", "-pix_fmt", "rgb24", "-s", f"{first.width}x{first.height}", "-r", f"{1 / delay:.9f}"]
-        command = [_ffmpeg(), "-loglevel", "error", *given, "-i", "-", "-an", "-pix_fmt", "yuv420p", str(path)]
+        input_format = [
+            "-f",
+            "rawvideo",
+            "-pix_fmt",
+            "rgb24",
+            "-s",
+            f"{first.width}x{first.height}",
+            "-r",
+            f"{1 / delay:.9f}",
+        ]
+        command = [_ffmpeg(), "-loglevel", "error", *input_format, "-i", "-", "-an", "-pix_fmt", "yuv420p", str(path)]
         with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=messages, stderr=messages) as process:
             assert process.stdin is not None
             with contextlib.suppress(BrokenPipeError):  # the message below tells why
-                for one in itertools.chain([first], pictures):
-                    process.stdin.write(one.tobytes())
+                for picture in itertools.chain([first], pictures):
+                    process.stdin.write(picture.tobytes())
         if process.returncode or not path.exists():
             messages.seek(0)
-            *_, last = ["no message", *messages.read().decode(errors="replace").strip().splitlines()]
-            raise InputError(f"ffmpeg failed: {last}", ".mp4")
+            *_, message = ["no message", *messages.read().decode(errors="replace").strip().splitlines()]
+            raise InputError(f"ffmpeg failed: {message}", ".mp4")
         return path.read_bytes()

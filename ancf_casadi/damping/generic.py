@@ -20,7 +20,7 @@ from typing import final
 import casadi as cs
 import numpy as np
 
-from ancf_casadi.damping.law import DampingLaw, Forces, Parameter, S, checked_values, turned
+from ancf_casadi.damping.law import DampingLaw, Forces, Parameter, S, check_values, rotate_pairs
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.support.arrays import Array
@@ -77,21 +77,21 @@ class ModalDamping(DampingLaw):
         """Validate, and keep the numbers as tuples."""
         check_instance(self.modes, "modes", Modes)
         for name in ("ratios", "frequencies"):
-            given = getattr(self, name)
-            if not is_sequence(given) and (name, given) != ("frequencies", None):
-                raise InputError(f"must have one value per mode, got {shown(given)}", name)
+            values = getattr(self, name)
+            if not is_sequence(values) and (name, values) != ("frequencies", None):
+                raise InputError(f"must have one value per mode, got {shown(values)}", name)
         object.__setattr__(self, "ratios", tuple(number(zeta, "ratios") for zeta in self.ratios))
         if wrong := [zeta for zeta in self.ratios if not 0.0 <= zeta < 1.0]:
             raise InputError(f"a damping ratio must be at least 0 and below 1, got {wrong[0]:g}", "ratios")
         if not 1 <= len(self.ratios) <= self.modes.count:
             raise InputError(f"has {len(self.ratios)} values for {self.modes.count} modes", "ratios")
-        given = self.modes.frequencies[: len(self.ratios)] if self.frequencies is None else self.frequencies
-        if len(given) != len(self.ratios):
-            raise InputError(f"has {len(given)} values for {len(self.ratios)} ratios", "frequencies")
-        frequencies = tuple(physical(frequency, "frequencies") for frequency in given)
+        values = self.modes.frequencies[: len(self.ratios)] if self.frequencies is None else self.frequencies
+        if len(values) != len(self.ratios):
+            raise InputError(f"has {len(values)} values for {len(self.ratios)} ratios", "frequencies")
+        frequencies = tuple(physical(frequency, "frequencies") for frequency in values)
         object.__setattr__(self, "frequencies", frequencies)
-        own = self.modes.frequencies[: len(frequencies)]
-        for k, (measured, computed) in enumerate(zip(frequencies, own.tolist(), strict=True), start=1):
+        computed_frequencies = self.modes.frequencies[: len(frequencies)]
+        for k, (measured, computed) in enumerate(zip(frequencies, computed_frequencies.tolist(), strict=True), start=1):
             if abs(measured - computed) > FOREIGN * computed:
                 warnings.warn(
                     f"the frequency of mode {k}, {measured:.4g} Hz, is far from the {computed:.4g} Hz of the modes, so "
@@ -112,7 +112,7 @@ class ModalDamping(DampingLaw):
 
     def with_parameters(self, values: Sequence[float] | Array) -> ModalDamping:
         """Return the law with other damping ratios."""
-        return replace(self, ratios=checked_values(self, values))
+        return replace(self, ratios=check_values(self, values))
 
     def local_force(self, body: Forces, e: S, e_t: S, properties: S, parameters: S) -> S:
         """Return zero."""
@@ -133,13 +133,13 @@ class ModalDamping(DampingLaw):
         mass = self.modes.model.mass(self.modes.model.properties).sparse()
         self._warn_of_another_beam(model)
         B = cs.DM(mass @ self.modes.shapes[:, : len(self.ratios)])
-        return np.asarray(turned(B, self.modes.model.beam.axis, model.beam.axis).full())
+        return np.asarray(rotate_pairs(B, self.modes.model.beam.axis, model.beam.axis).full())
 
     def _warn_of_another_beam(self, model: Model) -> None:
         """Warn if the modes are not those of a beam with this mass, so that a mode has another ratio than given."""
         if self.modes.model.beam == model.beam:
             return
-        shapes = turned(cs.DM(self.modes.shapes), self.modes.model.beam.axis, model.beam.axis).full()
+        shapes = rotate_pairs(cs.DM(self.modes.shapes), self.modes.model.beam.axis, model.beam.axis).full()
         masses = np.sum(shapes * (model.mass(model.properties).sparse() @ shapes), axis=0)[: len(self.ratios)]
         k = int(np.abs(masses - 1).argmax())
         if abs(masses[k] - 1) > FOREIGN:

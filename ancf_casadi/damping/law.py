@@ -132,7 +132,7 @@ class DampingLaw(Displayed, ABC):
     def with_parameters(self, values: Sequence[float] | Array) -> Self:
         """Return the law with other values of its parameters, in order; one out of range raises an ``InputError``."""
         names, law = (parameter.name for parameter in self.parameters), cast(Any, self)
-        return cast(Self, replace(law, **dict(zip(names, checked_values(self, values), strict=True))))
+        return cast(Self, replace(law, **dict(zip(names, check_values(self, values), strict=True))))
 
     @abstractmethod
     def local_force(self, body: Forces, e: S, e_t: S, properties: S, parameters: S) -> S:
@@ -174,7 +174,7 @@ class DampingLaw(Displayed, ABC):
         """Return the whole generalized force Q_damp, (4 n + 4,), N and N m, for the values of the parameters."""
         values = cs.MX(cs.DM([parameter.value for parameter in self.parameters]))
         local = self.local_force(model, e, e_t, cs.MX(cs.DM(model.properties)), values)
-        B = turned(cs.MX(cs.DM(self.projection(model))), model.beam.axis, e[2:NODE])
+        B = rotate_pairs(cs.MX(cs.DM(self.projection(model))), model.beam.axis, e[2:NODE])
         return local + B @ (self.modal_coefficients(values) * (B.T @ e_t))
 
     @final
@@ -194,14 +194,14 @@ class SumOfLaws(DampingLaw):
     @property
     def parameters(self) -> tuple[Parameter, ...]:
         """The parameters of all terms in order; a name that occurs again is numbered, as in ``alpha_2``."""
-        found: dict[str, Parameter] = {}
+        numbered: dict[str, Parameter] = {}
         for parameter in (parameter for term in _terms(self) for parameter in term.parameters):
             name, count = parameter.name, 1
-            while name in found:
+            while name in numbered:
                 count += 1
                 name = f"{parameter.name}_{count}"
-            found[name] = replace(parameter, name=name)
-        return tuple(found.values())
+            numbered[name] = replace(parameter, name=name)
+        return tuple(numbered.values())
 
     @property
     def dissipative(self) -> bool:
@@ -214,13 +214,13 @@ class SumOfLaws(DampingLaw):
 
     def with_parameters(self, values: Sequence[float] | Array) -> SumOfLaws:
         """Return the sum with other values of the parameters of all terms."""
-        own = iter(checked_values(self, values))
-        return SumOfLaws(tuple(law.with_parameters([next(own) for _ in law.parameters]) for law in self.laws))
+        values_left = iter(check_values(self, values))
+        return SumOfLaws(tuple(law.with_parameters([next(values_left) for _ in law.parameters]) for law in self.laws))
 
     def local_force(self, body: Forces, e: S, e_t: S, properties: S, parameters: S) -> S:
         """Return the sum of the local forces."""
         terms = zip(self.laws, self._split(parameters), strict=True)
-        return sum((law.local_force(body, e, e_t, properties, own) for law, own in terms), 0 * e_t)
+        return sum((law.local_force(body, e, e_t, properties, values) for law, values in terms), 0 * e_t)
 
     def projection(self, model: Model) -> Array:
         """Return the projections of all terms side by side."""
@@ -229,7 +229,7 @@ class SumOfLaws(DampingLaw):
     def modal_coefficients(self, parameters: cs.MX) -> cs.MX:
         """Return the modal damping coefficients of all terms."""
         terms = zip(self.laws, self._split(parameters), strict=True)
-        return cs.vertcat(cs.MX(0, 1), *(law.modal_coefficients(own) for law, own in terms))
+        return cs.vertcat(cs.MX(0, 1), *(law.modal_coefficients(law_parameters) for law, law_parameters in terms))
 
     def damping_ratios(self, modes: Modes, amplitudes: Sequence[float] | Array) -> Array:
         """Return the sum of the equivalent damping ratios."""
@@ -254,22 +254,22 @@ def nonzero(*parameters: Parameter) -> tuple[Parameter, ...]:
     return tuple(parameter for parameter in parameters if parameter.value)
 
 
-def checked_values(law: DampingLaw, values: Sequence[float] | Array) -> tuple[float, ...]:
+def check_values(law: DampingLaw, values: Sequence[float] | Array) -> tuple[float, ...]:
     """Return one finite value per parameter of a law."""
-    found = numbers(values, "values")
-    if len(found) != len(law.parameters):
-        raise InputError(f"has {len(found)} values for {len(law.parameters)} parameters", "values")
-    return found
+    checked = numbers(values, "values")
+    if len(checked) != len(law.parameters):
+        raise InputError(f"has {len(checked)} values for {len(law.parameters)} parameters", "values")
+    return checked
 
 
 def at_tip_amplitudes(modes: Modes, amplitudes: Sequence[float] | Array) -> tuple[Array, Array, Array]:
     """Return the tip amplitudes (m,), m, the shapes (4 n + 4, m) that are 1 at the tip, and their modal masses (m,)."""
     check_instance(modes, "modes", Modes)
-    found = numbers(amplitudes, "amplitudes")
-    if len(found) != modes.count:
-        raise InputError(f"has {len(found)} values for {modes.count} modes", "amplitudes")
+    tip = numbers(amplitudes, "amplitudes")
+    if len(tip) != modes.count:
+        raise InputError(f"has {len(tip)} values for {modes.count} modes", "amplitudes")
     shapes, model = modes.shapes / modes.tip_amplitudes(), modes.model
-    return np.abs(found), shapes, (shapes * (model.mass(model.properties).sparse() @ shapes)).sum(axis=0)
+    return np.abs(tip), shapes, (shapes * (model.mass(model.properties).sparse() @ shapes)).sum(axis=0)
 
 
 def ratios_over_a_period(
@@ -292,15 +292,15 @@ def ratios_over_a_period(
 
 def _terms(law: DampingLaw) -> tuple[DampingLaw, ...]:
     """Return the terms of a law, including those of nested sums."""
-    return tuple(term for part in law.laws for term in _terms(part)) if isinstance(law, SumOfLaws) else (law,)
+    return tuple(term for summand in law.laws for term in _terms(summand)) if isinstance(law, SumOfLaws) else (law,)
 
 
-def turned(vectors: V, start: Direction, end: Direction) -> V:
+def rotate_pairs(vectors: V, start: Direction, end: Direction) -> V:
     """Return the columns of ``vectors``, with their pairs (x, y) turned by the angle between two unit vectors.
 
     From a to tau, this multiplies by R; from tau to a, by R^T.
     """
     cosine, sine = start[0] * end[0] + start[1] * end[1], start[0] * end[1] - start[1] * end[0]
     rotation: Any = cs.blockcat([[cosine, -sine], [sine, cosine]])
-    found: V = cs.reshape(rotation @ cs.reshape(vectors, 2, -1), *vectors.shape)
-    return found
+    rotated: V = cs.reshape(rotation @ cs.reshape(vectors, 2, -1), *vectors.shape)
+    return rotated

@@ -41,7 +41,7 @@ from ancf_casadi.damping.law import (
     Parameter,
     S,
     at_tip_amplitudes,
-    checked_values,
+    check_values,
     nonzero,
     ratios_over_a_period,
     weighted_sum,
@@ -152,9 +152,10 @@ class QuadraticDamping(DampingLaw):
 
     def with_parameters(self, values: Sequence[float] | Array) -> QuadraticDamping:
         """Return the law with other values of its parameters, in order; one out of range raises an ``InputError``."""
-        found = dict(zip((own.name for own in self.parameters), checked_values(self, values), strict=True))
-        flow = found.pop("flow_x", 0.0), found.pop("flow_y", 0.0)
-        return replace(self, **found, flow=flow)
+        names = [parameter.name for parameter in self.parameters]
+        coefficients = dict(zip(names, check_values(self, values), strict=True))
+        flow = coefficients.pop("flow_x", 0.0), coefficients.pop("flow_y", 0.0)
+        return replace(self, **coefficients, flow=flow)
 
     def loads(self, beam: Beam) -> tuple[LineLoad, ...]:
         """Return the force per length q of a flow on a beam at rest, for each part of constant mass per length."""
@@ -169,10 +170,11 @@ class QuadraticDamping(DampingLaw):
 
     def local_force(self, body: Forces, e: S, e_t: S, properties: S, parameters: S) -> S:
         """Return ``eta1 int S^T mu v dp + eta2 1183/876 int S^T mu |v| v dp``, Eq. (23), v relative to the air."""
-        moved = np.flatnonzero(self.flow)
-        if moved.size:
-            parameters, flow = cs.vertsplit(parameters, [0, len(self.parameters) - moved.size, len(self.parameters)])
-            e_t = e_t - cs.repmat(cs.DM(body.unit_velocities[:, moved]) @ flow, 1, e_t.shape[1])
+        flow_axes = np.flatnonzero(self.flow)
+        if flow_axes.size:
+            count = len(self.parameters)
+            parameters, flow = cs.vertsplit(parameters, [0, count - flow_axes.size, count])
+            e_t = e_t - cs.repmat(cs.DM(body.unit_velocities[:, flow_axes]) @ flow, 1, e_t.shape[1])
         forces = []
         if self.eta1:
             forces.append(body.line_inertia_force(e_t, properties))
@@ -194,7 +196,7 @@ class QuadraticDamping(DampingLaw):
         """
         check_instance(modes, "modes", Modes)
         if any(self.flow):
-            model, values = modes.model, cs.DM([own.value for own in self.parameters])
+            model, values = modes.model, cs.DM([parameter.value for parameter in self.parameters])
 
             def force(velocities: Any) -> Any:
                 return self.local_force(model, velocities, velocities, model.properties, values)

@@ -63,10 +63,10 @@ class ModesSpec(Spec, frozen=True):
             raise InputError(
                 "refer to an equilibrium under loads away from the tip, which a document cannot hold", "modes"
             )
-        own: dict[str, Any] = {}
+        beam_fields: dict[str, Any] = {}
         if modes.model != model:
             measures = convert(modes.model.measures, StrainMeasuresSpec)
-            own = {"beam": BeamSpec.of(modes.model.beam), "strain_measures": measures}
+            beam_fields = {"beam": BeamSpec.of(modes.model.beam), "strain_measures": measures}
         return cls(
             frequencies=tuple(modes.frequencies.tolist()),
             shapes=tuple(map(tuple, modes.shapes.T.tolist())),
@@ -75,7 +75,7 @@ class ModesSpec(Spec, frozen=True):
                 tip_force=equilibrium.tip_force,
                 tip_moment=equilibrium.tip_moment,
             ),
-            **own,
+            **beam_fields,
         )
 
     def modes(self, model: Model, where: str) -> Modes:
@@ -86,21 +86,21 @@ class ModesSpec(Spec, frozen=True):
             message = f"has {len(self.shapes)} shapes for {len(self.frequencies)} frequencies"
             raise InputError(message, place_of(where, ["shapes"]))
         shapes = [_coordinates(shape, model, place_of(where, ["shapes", k])) for k, shape in enumerate(self.shapes)]
-        given = self.equilibrium
-        coordinates = _coordinates(given.coordinates, model, place_of(where, ["equilibrium", "coordinates"]))
-        equilibrium = Equilibrium(model, coordinates, given.tip_force, given.tip_moment)
+        spec = self.equilibrium
+        coordinates = _coordinates(spec.coordinates, model, place_of(where, ["equilibrium", "coordinates"]))
+        equilibrium = Equilibrium(model, coordinates, spec.tip_force, spec.tip_moment)
         return Modes(equilibrium, np.array(self.frequencies), np.ascontiguousarray(np.array(shapes).T))
 
 
 class DampingSpec(Spec, frozen=True, tag_field="law"):
     """A damping law, which a key ``law`` names."""
 
-    made: ClassVar[type[DampingLaw]]
+    described: ClassVar[type[DampingLaw]]
 
     def law(self, model: Model, where: str) -> DampingLaw:
         """Return the law on a beam; messages name the place."""
         with located(where):
-            return self.made(**self.given())
+            return self.described(**self.given())
 
     def check(self, model: Model, where: str) -> None:
         """Refuse values that make no law on a beam, without solving for its modes."""
@@ -110,7 +110,7 @@ class DampingSpec(Spec, frozen=True, tag_field="law"):
 class RayleighSpec(DampingSpec, frozen=True, tag="rayleigh"):
     """Rayleigh (proportional) damping, alpha M + beta K."""
 
-    made = RayleighDamping
+    described = RayleighDamping
 
     alpha: Annotated[float, Meta(ge=0.0, description="1/s")] = 0.0
     beta: Annotated[float, Meta(ge=0.0, description="s")] = 0.0
@@ -120,7 +120,7 @@ class RayleighSpec(DampingSpec, frozen=True, tag="rayleigh"):
 class QuadraticSpec(DampingSpec, frozen=True, tag="quadratic"):
     """Air drag, linear and quadratic in the velocity, by its coefficients or by the drag coefficient."""
 
-    made = QuadraticDamping
+    described = QuadraticDamping
 
     eta1: Annotated[float, Meta(ge=0.0, description="1/s")] = 0.0
     eta2: Annotated[float, Meta(ge=0.0, description="1/m")] = 0.0
@@ -141,7 +141,7 @@ class QuadraticSpec(DampingSpec, frozen=True, tag="quadratic"):
 class FrictionSpec(DampingSpec, frozen=True, tag="friction"):
     """Dry friction along the beam."""
 
-    made = FrictionDamping
+    described = FrictionDamping
 
     eta0: Annotated[float, Meta(ge=0.0, description="m/s^2")] = 0.0
     smoothing_speed: Annotated[float, Meta(gt=0.0, description="m/s")] = 1e-3
@@ -150,7 +150,7 @@ class FrictionSpec(DampingSpec, frozen=True, tag="friction"):
 class ModalSpec(DampingSpec, frozen=True, tag="modal"):
     """Modal (generic) damping, M Phi diag(2 zeta omega) Phi^T M."""
 
-    made = ModalDamping
+    described = ModalDamping
 
     ratios: Annotated[tuple[Ratio, ...], Meta(min_length=1, description="of each mode from the first")]
     frequencies: Annotated[Frequencies, Meta(description="measured ones, Hz")] = ()
@@ -186,7 +186,7 @@ class ModalSpec(DampingSpec, frozen=True, tag="modal"):
 class SumSpec(DampingSpec, frozen=True, tag="sum"):
     """Laws that act together."""
 
-    made = SumOfLaws
+    described = SumOfLaws
 
     laws: Annotated[tuple[LawSpec, ...], Meta(min_length=1)]
 
@@ -212,12 +212,12 @@ def law_spec(law: DampingLaw, model: Model) -> LawSpec:
         )
     if isinstance(law, SumOfLaws):
         return SumSpec(laws=tuple(law_spec(term, model) for term in law.laws))
-    kinds: dict[type, Any] = {kind.made: kind for kind in (RayleighSpec, QuadraticSpec, FrictionSpec)}
+    kinds: dict[type, Any] = {kind.described: kind for kind in (RayleighSpec, QuadraticSpec, FrictionSpec)}
     if type(law) in kinds:
         spec: LawSpec = convert(law, kinds[type(law)])
         return spec
-    known = ", ".join(made.__name__ for made in (*kinds, ModalDamping))
-    message = f"a {type(law).__name__} cannot be written to a document; only {known} and their sums can"
+    names = ", ".join(law_class.__name__ for law_class in (*kinds, ModalDamping))
+    message = f"a {type(law).__name__} cannot be written to a document; only {names} and their sums can"
     raise InputError(message, "damping")
 
 

@@ -90,7 +90,7 @@ import casadi as cs
 
 Value = TypeVar("Value", cs.MX, cs.SX, cs.DM)
 
-LEAST_BAND = 1e-9  # least width of the transition to a stop, relative to the amplitude at the release
+MIN_BAND = 1e-9  # least width of the transition to a stop, relative to the amplitude at the release
 SERIES_BELOW = 0.02  # |x| below which a series replaces a closed form; ten terms are exact to 0.02^10 = 1e-17
 LANCZOS = (  # for g = 7
     0.99999999999980993, 676.5203681218851, -1259.1392167224028, 771.32342877765313, -176.61502916214059,
@@ -126,7 +126,7 @@ def friction_envelope(time: Value, ω: Value, η0: Value, η1: Value, η2: Value
     a, b, c = η1 / 2, 4 * ω * η2 / (3 * math.pi), 2 * η0 / (math.pi * ω)
     s = time * _tanh_ratio(time**2 * (a**2 / 4 - b * c))
     amplitude = (e0 - (a * e0 / 2 + c) * s) / (1 + (a / 2 + b * e0) * s)
-    return stopping(amplitude, η0 / ω**2 + LEAST_BAND * e0)
+    return smooth_stop(amplitude, η0 / ω**2 + MIN_BAND * e0)
 
 
 def friction_decay(time: Value, ω: Value, η0: Value, η1: Value, η2: Value, e0: Value, φ: Value) -> Value:
@@ -136,9 +136,9 @@ def friction_decay(time: Value, ω: Value, η0: Value, η1: Value, η2: Value, e
 
 def power_envelope(time: Value, ω: Value, rate: Value, p: Value, e0: Value) -> Value:
     """Return the amplitude of the free decay under a force with an exponent; 0 after the stop."""
-    band = cs.fmin(math.pi * rate / (2 * ω) + LEAST_BAND, 0.5)
-    left = stopping(1 - (1 - p) * rate * time, band) + 1e-12  # so that its logarithm stays finite after the stop
-    u = time * log_ratio(left - 1)
+    band = cs.fmin(math.pi * rate / (2 * ω) + MIN_BAND, 0.5)
+    y = smooth_stop(1 - (1 - p) * rate * time, band) + 1e-12  # so that its logarithm stays finite after the stop
+    u = time * log_ratio(y - 1)
     return e0 * cs.exp(-rate * u)
 
 
@@ -177,22 +177,24 @@ def log_ratio(x: Value) -> Value:
 def _tanh_ratio(y: Value) -> Value:
     """Return tanh(y^1/2)/y^1/2; smooth also at y <= 0, where it is a tangent."""
 
-    def closed(y: Value) -> Value:
+    def closed_form(y: Value) -> Value:
         root = cs.sqrt(cs.fabs(y))
         angle = cs.fmin(root, 1.57)  # just below pi/2; the motion stops earlier
         return cs.if_else(y > 0, cs.tanh(root) / root, cs.tan(angle) / angle)
 
     series = (1.0, -1 / 3, 2 / 15, -17 / 315, 62 / 2835, -1382 / 155925, 21844 / 6081075, -929569 / 638512875)
-    return smooth(y, series, closed)
+    return smooth(y, series, closed_form)
 
 
-def smooth(x: Value, series: Sequence[float], closed: Callable[[Value], Value]) -> Value:
-    """Return a closed form that is 0/0 at x = 0, and its power series near there."""
-    near = cs.fabs(x) < SERIES_BELOW
-    return cs.if_else(near, polynomial(series, x), closed(cs.if_else(near, 1, x)))  # all derivatives stay finite
+def smooth(x: Value, series: Sequence[float], closed_form: Callable[[Value], Value]) -> Value:
+    """Return a function of x whose closed form is 0/0 at x = 0: its power series near 0, the closed form elsewhere."""
+    is_small = cs.fabs(x) < SERIES_BELOW
+    return cs.if_else(
+        is_small, polynomial(series, x), closed_form(cs.if_else(is_small, 1, x))
+    )  # all derivatives stay finite
 
 
-def stopping(value: Value, band: Value) -> Value:
+def smooth_stop(value: Value, band: Value) -> Value:
     """Return a falling value while above a band, 0 below the negative of the band, and a smooth transition between."""
     ratio = cs.fmin(cs.fmax(value / band, -1), 1)
     return cs.if_else(value > band, value, band * (3 - ratio) * (ratio + 1) ** 3 / 16)

@@ -1,7 +1,7 @@
 """Damping against amplitude from the envelope of a free decay, without a damping law.
 
 The record is divided into successive windows of a few periods, and the decay in each is fitted on its own
-(``track``).  The damping ratio in the middle of a window is lambda/omega_n with the natural frequency
+(``amplitude_phase``).  The damping ratio in the middle of a window is lambda/omega_n with the natural frequency
 omega_n = (omega^2 + lambda^2)^1/2.  If velocity (n = 1) or acceleration (n = 2) was measured, the amplitude of the
 record is divided by omega_n^n, and n d(ln omega)/dt is added to lambda; both are then those of the displacement.  The
 windows do not overlap.  Other oscillations, whose peaks stand out of the spectrum of the residuals, are fitted in each
@@ -34,10 +34,10 @@ from typing import Any
 import numpy as np
 import scipy  # its packages are imported on first use
 
-from ancf_casadi.decay.evidence import visible
+from ancf_casadi.decay.amplitude_phase import LocalDecay, local_decay, waves
+from ancf_casadi.decay.bic import is_visible
 from ancf_casadi.decay.first_guess import first_guess
-from ancf_casadi.decay.spectrum import LEAST_SAMPLES, outstanding_peak, typical_step
-from ancf_casadi.decay.track import LocalDecay, local_decay, waves
+from ancf_casadi.decay.spectrum import MIN_WINDOW_SAMPLES, strongest_peak, typical_step
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.support.arrays import Array
@@ -45,20 +45,21 @@ from ancf_casadi.support.figures import COMPUTED, MEASURED, Axes, Figure, litera
 from ancf_casadi.support.inputs import check_instance, physical
 from ancf_casadi.support.tables import Displayed, Table, counted, spread
 
-# Tests that fail: test_the_curve_is_the_equivalent_damping_ratio_at_each_amplitude (PERIODS halved or doubled),
-# test_the_curve_ends_in_the_noise (PIECE halved), test_stated_errors_are_the_scatter_between_records (BAND halved or
-# doubled), test_windows_of_more_periods_are_fewer_and_less_noisy (OUTSIDE doubled), and
-# test_three_other_oscillations_are_fitted_beside_the_mode (MOST_OTHERS halved).
-PERIODS = 2.0  # least of a window, unless these have too few samples
-WINDOWS, PER_FOLD = 40, 8  # most windows of a record, and windows in which the amplitude falls by a factor of e
-HIDDEN = "shows no oscillation above the noise in its first window; use more periods per window"
-PIECE = 4  # windows of a piece for the noise, and degree of the polynomial in M
-BAND = (0.6, 1.4)  # of the frequency, in which the noise counts
-OUTSIDE = 0.5  # length of a wave of unit length that is left orthogonal to M and N, below which it is not counted
-UNLIKELY = 0.001  # probability of the power of a piece by chance, below which it has more noise than the others
-MOST_OTHERS = 3  # other oscillations
+# Tests that fail: test_the_curve_is_the_equivalent_damping_ratio_at_each_amplitude (WINDOW_PERIODS halved or doubled),
+# test_the_curve_ends_in_the_noise (PIECE_WINDOWS halved), test_stated_errors_are_the_scatter_between_records
+# (NOISE_BAND halved or doubled), test_windows_of_more_periods_are_fewer_and_less_noisy (MIN_ORTHOGONAL doubled), and
+# test_three_other_oscillations_are_fitted_beside_the_mode (MAX_OTHER_OSCILLATIONS halved).
+WINDOW_PERIODS = 2.0  # least of a window, unless these have too few samples
+MAX_WINDOWS = 40  # of a record
+WINDOWS_PER_DECAY_TIME = 8  # windows in which the amplitude falls by a factor of e
+HIDDEN_BY_NOISE = "shows no oscillation above the noise in its first window; use more periods per window"
+PIECE_WINDOWS = 4  # windows of a piece for the noise, and degree of the polynomial in M
+NOISE_BAND = (0.6, 1.4)  # of the frequency, in which the noise counts
+MIN_ORTHOGONAL = 0.5  # least length, orthogonal to M and N, of a wave of unit length that counts
+NOISE_P_VALUE = 0.001  # probability of the power of a piece by chance, below which it has more noise than the others
+MAX_OTHER_OSCILLATIONS = 3
 
-Window = tuple[float, LocalDecay]  # its middle, s, and the decay there
+Window = tuple[float, LocalDecay]  # middle of the window, s, and the decay there
 
 
 @dataclass(frozen=True, eq=False)
@@ -179,8 +180,8 @@ class LawCurve(Displayed):
         bands = zip(self.frequency_band.tolist(), self.damping_ratio_band.tolist(), strict=True)
         return [
             f"at {f'{amplitude:.3g} {self.unit}'.rstrip()}: frequency {frequency:.6g} Hz [{low:.6g}, {high:.6g}], "
-            f"damping_ratio {ratio:.4g} [{least:.4g}, {most:.4g}]"
-            for amplitude, frequency, ratio, ((low, high), (least, most)) in zip(
+            f"damping_ratio {ratio:.4g} [{low_ratio:.4g}, {high_ratio:.4g}]"
+            for amplitude, frequency, ratio, ((low, high), (low_ratio, high_ratio)) in zip(
                 self.amplitude.tolist(), self.frequency.tolist(), self.damping_ratio.tolist(), bands, strict=True
             )
         ]
@@ -260,45 +261,43 @@ def damping_curve(
     time, y = record.time[guess.release :], record.values[guess.release :]
     period, step = 2 * math.pi / guess.ω, typical_step(time)
     if periods is None:
-        share = min((time[-1] - time[0]) / WINDOWS, guess.duration / PER_FOLD) / period
-        periods = max(PERIODS, share, math.ceil(LEAST_SAMPLES * step / period))
-    width = periods * period
-    if round(width / step) < LEAST_SAMPLES:
+        default_periods = min((time[-1] - time[0]) / MAX_WINDOWS, guess.duration / WINDOWS_PER_DECAY_TIME) / period
+        periods = max(WINDOW_PERIODS, default_periods, math.ceil(MIN_WINDOW_SAMPLES * step / period))
+    length = periods * period
+    if round(length / step) < MIN_WINDOW_SAMPLES:
         raise InputError(
-            f"makes windows of {width / step:.0f} samples, fewer than {LEAST_SAMPLES}; use more periods per window",
+            f"makes windows of {length / step:.0f} samples, fewer than {MIN_WINDOW_SAMPLES}; "
+            "use more periods per window",
             "periods",
         )
-    others: list[float] = []
+    other_frequencies: list[float] = []
     while True:
-        windows = list(_windows(time, y, width, guess.ζ * guess.ω, guess.ω, others))
+        windows = list(_windows(time, y, length, guess.ζ * guess.ω, guess.ω, other_frequencies))
         if not windows:
-            raise InputError(HIDDEN, "record")
-        noise, left = _noise(time, y, windows, width, others)
-        until = slice(int(np.searchsorted(time, windows[-1][0] + width / 2)))
-        apart = 1 / period + 1 / width  # a window separates frequencies that differ by the inverse of its length
-        other = outstanding_peak(time[until], left[until], apart) if len(others) < MOST_OTHERS else None
-        if other is None:
+            raise InputError(HIDDEN_BY_NOISE, "record")
+        noise, residuals = _noise(time, y, windows, length, other_frequencies)
+        fitted = slice(int(np.searchsorted(time, windows[-1][0] + length / 2)))
+        separation = 1 / period + 1 / length  # a window separates frequencies that differ by the inverse of its length
+        peak_frequency = strongest_peak(time[fitted], residuals[fitted], separation)
+        if peak_frequency is None or len(other_frequencies) == MAX_OTHER_OSCILLATIONS:
             break
-        others.append(2 * math.pi * other)
-    samples = width / step
-    seen = [
-        bool(visible(one.amplitude, s * one.amplitude_error, samples))
-        for (_, one), s in zip(windows, noise, strict=True)
-    ]
-    if not any(seen):
-        raise InputError(HIDDEN, "record")
-    windows = [one for one, shown in zip(windows, seen, strict=True) if shown]
-    noise = noise[np.array(seen)]
-    λ, ω, λ_errors, ω_errors, measured = np.array(
-        [(one.λ, one.ω, one.λ_error, one.ω_error, one.amplitude) for _, one in windows]
-    ).T
-    middle, derivatives = np.array([middle for middle, _ in windows]), record.sensor.derivatives
-    if derivatives and len(windows) > 1:
-        λ = λ + derivatives * np.gradient(np.log(ω), middle)
+        other_frequencies.append(2 * math.pi * peak_frequency)
+    shown = is_visible(
+        [decay.amplitude for _, decay in windows],
+        noise * [decay.amplitude_error for _, decay in windows],
+        length / step,
+    )
+    if not shown.any():
+        raise InputError(HIDDEN_BY_NOISE, "record")
+    columns = [(middle, decay.λ, decay.ω, decay.λ_error, decay.ω_error, decay.amplitude) for middle, decay in windows]
+    middles, λ, ω, λ_errors, ω_errors, amplitudes = np.array(columns)[shown].T
+    noise, derivatives = noise[shown], record.sensor.derivatives
+    if derivatives and len(middles) > 1:
+        λ = λ + derivatives * np.gradient(np.log(ω), middles)
     natural = np.hypot(λ, ω)
     return DampingCurve(
-        time=middle,
-        amplitude=measured / natural**derivatives,
+        time=middles,
+        amplitude=amplitudes / natural**derivatives,
         damping_ratio=λ / natural,
         damping_ratio_errors=noise * λ_errors / natural,
         frequency=natural / (2 * math.pi),
@@ -307,59 +306,63 @@ def damping_curve(
     )
 
 
-def _windows(time: Array, y: Array, width: float, λ: float, ω: float, others: Sequence[float]) -> Iterator[Window]:
+def _windows(
+    time: Array, y: Array, length: float, λ: float, ω: float, other_frequencies: Sequence[float]
+) -> Iterator[Window]:
     """Yield the windows, until noise hides the oscillation."""
-    unknowns, squares, freedom = 5 + 2 * len(others), 0.0, 0
+    unknowns, sum_of_squares, degrees_of_freedom = 5 + 2 * len(other_frequencies), 0.0, 0
     step = typical_step(time)
-    edges = np.searchsorted(time, np.arange(time[0], time[-1] + step, width) - step / 2).tolist()
+    edges = np.searchsorted(time, np.arange(time[0], time[-1] + step, length) - step / 2).tolist()
     for begin, end in pairwise(edges):
-        if end - begin < max(LEAST_SAMPLES, unknowns + 1):
+        if end - begin < max(MIN_WINDOW_SAMPLES, unknowns + 1):
             continue
-        if np.diff(time[begin:end]).max() > max(width / 2, 2 * step):
+        if np.diff(time[begin:end]).max() > max(length / 2, 2 * step):
             continue
         middle = float(time[begin] + time[end - 1]) / 2
-        found = local_decay(time[begin:end] - middle, y[begin:end], λ, ω, others)
-        if found is None:
+        decay = local_decay(time[begin:end] - middle, y[begin:end], λ, ω, other_frequencies)
+        if decay is None:
             return
-        squares, freedom = squares + found.misfit, freedom + end - begin - unknowns
-        if not visible(found.amplitude, found.amplitude_error * math.sqrt(squares / freedom), end - begin):
+        sum_of_squares, degrees_of_freedom = sum_of_squares + decay.misfit, degrees_of_freedom + end - begin - unknowns
+        noise = math.sqrt(sum_of_squares / degrees_of_freedom)
+        if not is_visible(decay.amplitude, decay.amplitude_error * noise, end - begin):
             return
-        λ, ω = found.λ, found.ω
-        yield middle, found
+        λ, ω = decay.λ, decay.ω
+        yield middle, decay
 
 
 def _noise(
-    time: Array, y: Array, windows: Sequence[Window], width: float, others: Sequence[float]
+    time: Array, y: Array, windows: Sequence[Window], length: float, other_frequencies: Sequence[float]
 ) -> tuple[Array, Array]:
     """Return the standard deviation of the noise around the mode in each window, and the residuals."""
-    squares, ranks, counts, left = list[float](), list[int](), list[int](), y - y.mean()
-    for piece in np.array_split(np.arange(len(windows)), max(1, len(windows) // PIECE)):
+    squares, ranks, counts, residuals = list[float](), list[int](), list[int](), y - y.mean()
+    for piece in np.array_split(np.arange(len(windows)), max(1, len(windows) // PIECE_WINDOWS)):
         middles = [windows[k][0] for k in piece]
-        begin, end = np.searchsorted(time, [middles[0] - width / 2, middles[-1] + width / 2]).tolist()
-        one, length = windows[piece[len(piece) // 2]][1], middles[-1] - middles[0] + width
+        begin, end = np.searchsorted(time, [middles[0] - length / 2, middles[-1] + length / 2]).tolist()
+        middle_decay, piece_length = windows[piece[len(piece) // 2]][1], middles[-1] - middles[0] + length
         τ, values = time[begin:end] - (middles[0] + middles[-1]) / 2, y[begin:end]
-        found = local_decay(τ, values, one.λ, one.ω, others) or one
-        decay = np.exp(-found.λ * τ)[:, None] * waves(τ, [found.ω])
-        rest, u = waves(τ, others), (2 * τ / length)[:, None]
-        own = [u**power * decay for power in range(PIECE + 1)]
-        model = np.linalg.qr(np.hstack([*own, np.ones((len(τ), 1)), rest, u * rest]))[0]
-        left[begin:end] = values - model @ (model.T @ values)
-        least, most = (edge * found.ω * length / (2 * math.pi) for edge in BAND)
-        near = waves(τ, 2 * math.pi / length * np.arange(math.ceil(least), math.floor(most) + 1))
-        near /= np.linalg.norm(near, axis=0)
-        directions, lengths, _ = np.linalg.svd(near - model @ (model.T @ near), full_matrices=False)
-        outside = directions[:, lengths > OUTSIDE]
-        squares.append(float(np.sum((outside.T @ values) ** 2)))
-        ranks.append(outside.shape[1])
+        decay = local_decay(τ, values, middle_decay.λ, middle_decay.ω, other_frequencies) or middle_decay
+        mode = np.exp(-decay.λ * τ)[:, None] * waves(τ, [decay.ω])
+        other_waves, u = waves(τ, other_frequencies), (2 * τ / piece_length)[:, None]
+        mode_terms = [u**power * mode for power in range(PIECE_WINDOWS + 1)]
+        model = np.linalg.qr(np.hstack([*mode_terms, np.ones((len(τ), 1)), other_waves, u * other_waves]))[0]
+        residuals[begin:end] = values - model @ (model.T @ values)
+        first_wave, last_wave = (edge * decay.ω * piece_length / (2 * math.pi) for edge in NOISE_BAND)
+        noise_waves = waves(τ, 2 * math.pi / piece_length * np.arange(math.ceil(first_wave), math.floor(last_wave) + 1))
+        noise_waves /= np.linalg.norm(noise_waves, axis=0)
+        directions, lengths, _ = np.linalg.svd(noise_waves - model @ (model.T @ noise_waves), full_matrices=False)
+        orthogonal = directions[:, lengths > MIN_ORTHOGONAL]
+        squares.append(float(np.sum((orthogonal.T @ values) ** 2)))
+        ranks.append(orthogonal.shape[1])
         counts.append(len(piece))
     power, rank = np.array(squares), np.array(ranks)
     if not rank.any():
-        return np.full(len(windows), left.std()), left
-    known = rank > 0
-    typical = np.median(np.repeat(power[known] / scipy.special.chdtri(rank[known], 0.5), rank[known]))
-    chance = scipy.special.chdtrc(np.maximum(rank, 1), power / max(typical, np.finfo(float).tiny))
-    more = known & (chance < UNLIKELY)
-    plain = known & ~more
-    mean = power[plain].sum() / rank[plain].sum() if plain.any() else typical
-    variance = np.where(more, power / np.maximum(rank, 1), mean)
-    return np.sqrt(np.repeat(variance, counts)), left
+        return np.full(len(windows), residuals.std()), residuals
+    determined = rank > 0
+    variances = power[determined] / scipy.special.chdtri(rank[determined], 0.5)
+    typical_variance = np.median(np.repeat(variances, rank[determined]))
+    p_values = scipy.special.chdtrc(np.maximum(rank, 1), power / max(typical_variance, np.finfo(float).tiny))
+    is_noisier = determined & (p_values < NOISE_P_VALUE)
+    is_typical = determined & ~is_noisier
+    common_variance = power[is_typical].sum() / rank[is_typical].sum() if is_typical.any() else typical_variance
+    variance = np.where(is_noisier, power / np.maximum(rank, 1), common_variance)
+    return np.sqrt(np.repeat(variance, counts)), residuals

@@ -2,8 +2,8 @@
 
 A record may begin at rest or with an excitation (``release``).  From the release on, the highest peak of the spectrum
 gives the frequency.  For each decay rate of a list, the linear coefficients are fitted to the samples at their own
-times; the rate that leaves the smallest residuals is taken.  With gaps, several peaks of the spectrum are candidates
-(``spectrum``).  Each is refined, by the steps of ``track``, and the one that leaves the smallest residuals is
+times; the rate with the smallest residuals is taken.  With gaps, several peaks of the spectrum are candidates
+(``spectrum``).  Each is refined by the iteration of ``amplitude_phase``, and the one with the smallest residuals is
 taken; if another explains the record nearly as well, a note says that the frequency is ambiguous.
 
 References
@@ -14,17 +14,18 @@ separate, SIAM Journal on Numerical Analysis 10 (1973).
 
 from __future__ import annotations
 
+import itertools
 import math
 from dataclasses import dataclass, replace
 
 import casadi as cs
 import numpy as np
 
-from ancf_casadi.decay.evidence import evident
-from ancf_casadi.decay.release import LEVEL, MINIMUM_PERIODS, MINIMUM_SAMPLES, Release, find_release, grows_slowly
-from ancf_casadi.decay.rest import REST_TERMS, Rest, rest_position
+from ancf_casadi.decay.amplitude_phase import local_decay
+from ancf_casadi.decay.bic import larger_model_is_evident
+from ancf_casadi.decay.release import MIN_PERIODS, MIN_SAMPLES, MOTION_LEVEL, Release, find_release, grows_slowly
+from ancf_casadi.decay.rest_position import REST_TERMS, Rest, rest_position
 from ancf_casadi.decay.spectrum import peak_frequencies, step_frequency, typical_step
-from ancf_casadi.decay.track import local_decay
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.records.processing import without_line
@@ -32,14 +33,15 @@ from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.inputs import number
 
 # Tests that fail if one is halved or doubled: test_a_record_is_refused_from_a_share_of_gaps_of_95_percent_on,
-# test_few_samples_per_period_are_enough, test_an_oscillation_no_larger_than_the_noise_is_found (COLOURED halved),
-# test_noise_that_a_sensor_averages_over_three_samples_is_hardly_ever_taken_for_an_oscillation (COLOURED doubled).
-MOST_GAPS = 20.0  # length of a record, in lengths of its samples without the gaps
+# test_few_samples_per_period_are_enough, test_an_oscillation_no_larger_than_the_noise_is_found (INDEPENDENT_SHARE
+# halved), test_noise_that_a_sensor_averages_over_three_samples_is_hardly_ever_taken_for_an_oscillation
+# (INDEPENDENT_SHARE doubled).
+MAX_LENGTH = 20.0  # length of a record, in lengths of its samples without the gaps
 FEW_SAMPLES = 3.0  # per period, below which a note warns of aliasing
-FADED = 3.0  # decay times after which an oscillation is over: a longer record would show no more of it
-HEAVY_FREQUENCIES = 16  # of a heavily damped oscillation, and rates of a relaxation, that are tried
-COLOURED = 0.5  # share of the samples that count as independent beside an oscillation; few sensors have white noise
-CLOSE = 0.1  # relative distance of two frequencies, below which they may be of one mode
+DECAYED = 3.0  # decay times after which an oscillation is over: a longer record would show no more of it
+HEAVY_TRIALS = 16  # of a heavily damped oscillation, and rates of a relaxation, that are tried
+INDEPENDENT_SHARE = 0.5  # of the samples, as the noise of few sensors is white
+SAME_MODE_DISTANCE = 0.1  # relative distance of two frequencies, below which they may be of one mode
 
 
 @dataclass(frozen=True)
@@ -66,18 +68,18 @@ def first_guess(record: Measurement, *, release_time: float | None = None, rest:
     """Guess the parameters of a decay from its record at any times, which may begin at rest or with an excitation."""
     time, displacement = record.time, record.values
     step = typical_step(time)
-    if time[-1] - time[0] > MOST_GAPS * step * len(time):
+    if time[-1] - time[0] > MAX_LENGTH * step * len(time):
         share = 1 - step * len(time) / (time[-1] - time[0])
         raise InputError(f"consists of gaps for {share:.0%} of its length; cut out the part with the decay", "record")
     if release_time is None:
-        found = find_release(time, displacement)
+        release = find_release(time, displacement)
     else:
-        found = Release(int(np.searchsorted(time, number(release_time, "release_time") - 1e-6 * step)), "given")
-    begin = found.index
+        release = Release(int(np.searchsorted(time, number(release_time, "release_time") - 1e-6 * step)), "given")
+    begin = release.index
     t, y = time[begin:] - time[min(begin, len(time) - 1)], displacement[begin:]
-    if len(t) < MINIMUM_SAMPLES:
-        doubt = "" if release_time is not None or not begin else f" after {found.reason}, or nothing oscillates"
-        raise InputError(f"has {len(t)} samples of free decay{doubt}; a fit needs at least {MINIMUM_SAMPLES}", "record")
+    if len(t) < MIN_SAMPLES:
+        doubt = "" if release_time is not None or not begin else f" after {release.reason}, or nothing oscillates"
+        raise InputError(f"has {len(t)} samples of free decay{doubt}; a fit needs at least {MIN_SAMPLES}", "record")
     if np.ptp(y) == 0.0:
         since = f" from {time[begin]:g} s on" if begin else ""
         raise InputError(f"is constant{since}, nothing oscillates", "record")
@@ -85,21 +87,21 @@ def first_guess(record: Measurement, *, release_time: float | None = None, rest:
         raise InputError("is a straight line, nothing oscillates", "record")
     line = _line(t)  # a drift that is not asked for must not hide the oscillation
     candidates = _candidates(t, y, line)
-    faded = False
-    if candidates[0].ω_d * t[-1] < 2 * math.pi * MINIMUM_PERIODS:
-        moving = 0 if release_time is not None else _first_departure(y)
-        since = t[moving:] - t[moving]
-        heavy = _heavily_damped(since, y[moving:], _line(since))
-        if heavy is not None:
-            begin, t, y, candidates = begin + moving, since, y[moving:], [heavy]
+    has_decayed = False
+    if candidates[0].ω_d * t[-1] < 2 * math.pi * MIN_PERIODS:
+        departure = 0 if release_time is not None else _first_departure(y)
+        since_departure = t[departure:] - t[departure]
+        heavily_damped = _fit_heavy_damping(since_departure, y[departure:], _line(since_departure))
+        if heavily_damped is not None:
+            begin, t, y, candidates = begin + departure, since_departure, y[departure:], [heavily_damped]
             line = _line(t)
-            found = replace(found, reason="the end of rest") if moving else found
-            faded = heavy.λ * t[-1] > FADED
+            release = replace(release, reason="the end of rest") if departure else release
+            has_decayed = heavily_damped.λ * t[-1] > DECAYED
     best = candidates[0]
-    if best.ω_d * t[-1] < 2 * math.pi * MINIMUM_PERIODS and not faded:
+    if best.ω_d * t[-1] < 2 * math.pi * MIN_PERIODS and not has_decayed:
         raise InputError(
             f"has fewer than two periods of free decay in the {t[-1]:.3g} s from {time[begin]:g} s on "
-            f"({found.reason}), or nothing oscillates; record longer, or give the time of the release",
+            f"({release.reason}), or nothing oscillates; record longer, or give the time of the release",
             "record",
         )
     _check_oscillation(y, line, best)
@@ -107,7 +109,7 @@ def first_guess(record: Measurement, *, release_time: float | None = None, rest:
     ω = math.hypot(best.ω_d, best.λ)
     guess = DecayGuess(
         release=begin,
-        reason=found.reason,
+        reason=release.reason,
         duration=min(float(t[-1]), 1 / best.λ) if best.λ else float(t[-1]),
         length=float(t[-1]),
         ω=ω,
@@ -115,30 +117,30 @@ def first_guess(record: Measurement, *, release_time: float | None = None, rest:
         amplitude=math.hypot(c, s),
         phase=math.atan2(-s, c),
         rest=(),
-        notes=(*record.warnings, *found.notes, *_notes(record, t, y, candidates)),
+        notes=(*record.warnings, *release.notes, *_notes(record, t, y, candidates)),
     )
-    return with_rest(guess, record, rest)
+    return with_rest_position(guess, record, rest)
 
 
-def with_rest(guess: DecayGuess, record: Measurement, rest: Rest) -> DecayGuess:
+def with_rest_position(guess: DecayGuess, record: Measurement, rest: Rest) -> DecayGuess:
     """Return the guess about another rest position; a note says if it drifts though it is taken as constant."""
     t, y = record.time[guess.release :] - record.time[guess.release], record.values[guess.release :]
     ω_d, λ = guess.ω * math.sqrt(1 - guess.ζ**2), guess.ζ * guess.ω
-    count = len(REST_TERMS[rest])
+    term_count = len(REST_TERMS[rest])
     rates = np.geomspace(1 / t[-1], guess.ω / (2 * math.pi), 8).tolist() if rest == "creep" else [0.0]
-    found = []
+    fits = []
     for rate in rates:
-        moved = np.asarray(rest_position(cs.DM(t), [cs.DM(value) for value in (0.0, 1.0, rate)])).ravel()
-        found.append((_with_rate(t, y, ω_d, λ, np.array([np.ones(len(t)), moved])[:count]), rate))
-    best, rate = min(found, key=lambda one: one[0].misfit)
-    c, s, *level = best.linear.tolist()
+        creep = np.asarray(rest_position(cs.DM(t), [cs.DM(value) for value in (0.0, 1.0, rate)])).ravel()
+        fits.append((_with_rate(t, y, ω_d, λ, np.array([np.ones(len(t)), creep])[:term_count]), rate))
+    best, rate = min(fits, key=lambda fit: fit[0].misfit)
+    c, s, *rest_terms = best.linear.tolist()
     line = _line(t)
-    note = [] if count > 1 else _drift(record, best, _with_rate(t, y, ω_d, λ, line))
+    note = [] if term_count > 1 else _drift(record, best, _with_rate(t, y, ω_d, λ, line))
     return replace(
         guess,
         amplitude=math.hypot(c, s),
         phase=math.atan2(-s, c),
-        rest=(*level, rate)[:count],
+        rest=(*rest_terms, rate)[:term_count],
         notes=(*guess.notes, *note),
     )
 
@@ -156,16 +158,17 @@ class _Candidate:
 def _candidates(t: Array, y: Array, baseline: Array) -> list[_Candidate]:
     """Return an oscillation for each peak of the spectrum, that with the smallest residuals first."""
     frequencies = peak_frequencies(t, without_line(t, y))
-    found = [_best_rate(t, y, 2 * math.pi * frequency, baseline) for frequency in frequencies]
-    if len(found) == 1:
-        return found
-    refined = []
-    for one in found:
-        local = local_decay(t - t[-1] / 2, y, one.λ, one.ω_d)
-        if local is not None and 0.0 < local.ω < math.pi / float(np.median(np.diff(t))):
-            one = min(one, _with_rate(t, y, local.ω, max(local.λ, 0.0), baseline), key=lambda one: one.misfit)
-        refined.append(one)
-    return sorted(refined, key=lambda one: one.misfit)
+    oscillations = [_best_rate(t, y, 2 * math.pi * frequency, baseline) for frequency in frequencies]
+    if len(oscillations) == 1:
+        return oscillations
+    candidates = []
+    for oscillation in oscillations:
+        refinement = local_decay(t - t[-1] / 2, y, oscillation.λ, oscillation.ω_d)
+        if refinement is not None and 0.0 < refinement.ω < math.pi / float(np.median(np.diff(t))):
+            refined = _with_rate(t, y, refinement.ω, max(refinement.λ, 0.0), baseline)
+            oscillation = min(oscillation, refined, key=lambda candidate: candidate.misfit)
+        candidates.append(oscillation)
+    return sorted(candidates, key=lambda candidate: candidate.misfit)
 
 
 def _line(t: Array) -> Array:
@@ -175,18 +178,18 @@ def _line(t: Array) -> Array:
 
 def _first_departure(y: Array) -> int:
     """Return the index of the first sample that departs from the level of the first ones, 0 if too few follow."""
-    first = y[:MINIMUM_SAMPLES]
-    departed = np.abs(y - np.median(first)) > max(LEVEL * np.ptp(y), 4 * float(np.std(first)))
+    first_samples = y[:MIN_SAMPLES]
+    departed = np.abs(y - np.median(first_samples)) > max(MOTION_LEVEL * np.ptp(y), 4 * float(np.std(first_samples)))
     index = int(np.argmax(departed))
-    return index if len(y) - index >= MINIMUM_SAMPLES else 0
+    return index if len(y) - index >= MIN_SAMPLES else 0
 
 
-def _heavily_damped(t: Array, y: Array, baseline: Array) -> _Candidate | None:
+def _fit_heavy_damping(t: Array, y: Array, baseline: Array) -> _Candidate | None:
     """Return a heavily damped oscillation, which has no peak in the spectrum; None if it may as well be a relaxation.
 
     A relaxation is the sum of two exponentials.
     """
-    frequencies = np.geomspace(math.pi / t[-1], math.pi * len(t) / (4 * t[-1]), HEAVY_FREQUENCIES)
+    frequencies = np.geomspace(math.pi / t[-1], math.pi * len(t) / (4 * t[-1]), HEAVY_TRIALS)
     best = min(
         (_with_rate(t, y, ω_d, λ, baseline) for ω_d in frequencies.tolist() for λ in (0.5 * ω_d, ω_d, 1.5 * ω_d)),
         key=lambda candidate: candidate.misfit,
@@ -195,10 +198,12 @@ def _heavily_damped(t: Array, y: Array, baseline: Array) -> _Candidate | None:
         factors = np.exp(width * np.linspace(-1.0, 1.0, 5)).tolist()
         trials = [_with_rate(t, y, a * best.ω_d, b * best.λ, baseline) for a in factors for b in factors]
         best = min(best, *trials, key=lambda candidate: candidate.misfit)
-    rates = np.geomspace(0.5 / t[-1], len(t) / (4 * t[-1]), HEAVY_FREQUENCIES)
-    fading = np.exp(-np.outer(rates, t))
-    relaxed = min(_misfit(y, np.vstack([fading[i], fading[j], baseline])) for i in range(len(rates)) for j in range(i))
-    return best if evident(relaxed, best.misfit, COLOURED * len(y), 0, float(np.var(y)) * len(y)) else None
+    rates = np.geomspace(0.5 / t[-1], len(t) / (4 * t[-1]), HEAVY_TRIALS)
+    exponentials = np.exp(-np.outer(rates, t))
+    pairs = itertools.combinations(exponentials, 2)
+    relaxation_misfit = min(_misfit(y, np.vstack([*pair, baseline])) for pair in pairs)
+    samples, motion = INDEPENDENT_SHARE * len(y), float(np.var(y)) * len(y)
+    return best if larger_model_is_evident(relaxation_misfit, best.misfit, samples, 0, motion) else None
 
 
 def _misfit(y: Array, basis: Array) -> float:
@@ -210,7 +215,9 @@ def _misfit(y: Array, basis: Array) -> float:
 def _best_rate(t: Array, y: Array, ω_d: float, baseline: Array) -> _Candidate:
     """Return the oscillation with the best decay rate of a list, for a given frequency."""
     rates = np.geomspace(0.1 / t[-1], ω_d / 2, 2 + max(0, int(math.log2(5 * ω_d * t[-1]))))  # a factor of 2 apart
-    return min((_with_rate(t, y, ω_d, λ, baseline) for λ in (0.0, *rates.tolist())), key=lambda one: one.misfit)
+    return min(
+        (_with_rate(t, y, ω_d, λ, baseline) for λ in (0.0, *rates.tolist())), key=lambda candidate: candidate.misfit
+    )
 
 
 def _with_rate(t: Array, y: Array, ω_d: float, λ: float, baseline: Array) -> _Candidate:
@@ -227,26 +234,26 @@ def _check_oscillation(y: Array, baseline: Array, best: _Candidate) -> None:
     """Raise an InputError if the oscillation is not significant."""
     constant = np.linalg.lstsq(baseline @ baseline.T, baseline @ y)[0] @ baseline
     explained = float(np.sum((y - constant) ** 2)) - best.misfit
-    samples = COLOURED * (len(y) - 4 - len(baseline))
-    if not evident(explained + best.misfit, best.misfit, samples, 4, explained):
+    samples = INDEPENDENT_SHARE * (len(y) - 4 - len(baseline))
+    if not larger_model_is_evident(explained + best.misfit, best.misfit, samples, 4, explained):
         raise InputError("is noise or drift, nothing oscillates", "record")
 
 
-def _notes(record: Measurement, t: Array, y: Array, found: list[_Candidate]) -> list[str]:
+def _notes(record: Measurement, t: Array, y: Array, candidates: list[_Candidate]) -> list[str]:
     """Return limitations of the record."""
-    best, *others = found
+    best, *other_candidates = candidates
     notes, frequency = list[str](), best.ω_d / (2 * math.pi)
     driven = step_frequency(record.time, without_line(record.time, record.values))
-    if abs(driven / frequency - 1) >= CLOSE and grows_slowly(record.time, record.values, driven):
+    if abs(driven / frequency - 1) >= SAME_MODE_DISTANCE and grows_slowly(record.time, record.values, driven):
         notes.append(
             f"the excitation had {driven:.3g} Hz, and the decay has {frequency:.3g} Hz: another mode than the driven "
             "one is the largest; let the excitation grow slowly (ramp), measure at another point, or fit several modes"
         )
     rivals = [
-        f"{other.ω_d / (2 * math.pi):.4g}"
-        for other in others
-        if not evident(other.misfit, best.misfit, len(t), 0, float(y @ y))
-        and abs(other.ω_d - best.ω_d) * t[-1] > math.pi
+        f"{candidate.ω_d / (2 * math.pi):.4g}"
+        for candidate in other_candidates
+        if not larger_model_is_evident(candidate.misfit, best.misfit, len(t), 0, float(y @ y))
+        and abs(candidate.ω_d - best.ω_d) * t[-1] > math.pi
     ]
     if rivals:
         notes.append(

@@ -96,9 +96,9 @@ def _quadrature(time: bytes) -> tuple[cs.DM, cs.DM, list[int], cs.DM]:
     antiderivative = np.column_stack([P[:, 0] + P[:, 1], (P[:, 2:] - P[:, :-2]) / (2 * np.arange(1, POINTS) + 1)])
     expansion = (np.arange(POINTS)[:, None] + 0.5) * legendre.legvander(points, POINTS - 1).T * weights
     columns = POINTS * panel[:, None] + np.arange(POINTS)
-    own = scipy.sparse.csr_array(
+    within = scipy.sparse.csr_array(
         ((half[panel] * (antiderivative @ expansion)).ravel(), columns.ravel(), POINTS * np.arange(len(t) + 1)),
         shape=(len(t), PANELS * POINTS),
     )
     before = np.kron(np.tril(np.ones((PANELS, PANELS)), -1) * half.T, weights)
-    return cs.DM((edges[:-1, None] + half * (1 + points)).ravel()), cs.DM(own.tocsc()), panel.tolist(), cs.DM(before)
+    return cs.DM((edges[:-1, None] + half * (1 + points)).ravel()), cs.DM(within.tocsc()), panel.tolist(), cs.DM(before)

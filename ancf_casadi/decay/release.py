@@ -6,8 +6,8 @@ closed forms hold from any later instant on.  A window holds the samples at thei
 than half its length may hide a swing and is not taken for rest.
 
 Excitation.  Relative to a carrier near its frequency, the record is y = Re(z exp(i omega t)) with a slow z, estimated
-in windows of whole periods (``track``).  A free mode has z_k = a q^k.  Under a harmonic force z is a steady part and a
-transient,
+in windows of whole periods (``amplitude_phase``).  A free mode has z_k = a q^k.  Under a harmonic force z is a steady
+response and a transient,
 
     z_k = B p^k + C q^k,    |p| = 1,
 
@@ -15,7 +15,7 @@ so that an excitation that ends in window s - 1 leaves the misfit
 
     S(s) = min sum_{k < s-1} |z_k - B p^k - C q^k|^2 + min sum_{k >= s} |z_k - a q^k|^2
 
-with q from the second sum.  There is an excitation if two conditions hold.  First, it is evident (``evidence``) beside
+with q from the second sum.  There is an excitation if two conditions hold.  First, it is evident (``bic``) beside
 each free decay: one mode with an amplitude-dependent loss, dA/dk = -c - a A - b A^2 with a, b, c >= 0, or two or three
 modes that beat.  Second, the force beats with the mode or supplies energy.  The release is then the latest one beside
 which no other is evident: the closed forms hold from any later instant on, whereas a release that is too early spoils
@@ -37,33 +37,39 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ancf_casadi.decay.evidence import MODEL_ERROR, evident
+from ancf_casadi.decay.amplitude_phase import (
+    Track,
+    cumulative_integral,
+    fit_loss_rates,
+    track_oscillation,
+    weighted_least_squares,
+)
+from ancf_casadi.decay.bic import MODEL_ERROR, larger_model_is_evident
 from ancf_casadi.decay.outliers import without_outliers
-from ancf_casadi.decay.spectrum import GAP, LEAST_SAMPLES, peak_frequencies, step_frequency, typical_step
-from ancf_casadi.decay.track import Track, losses_of, regression, since_start, track
+from ancf_casadi.decay.spectrum import GAP, MIN_WINDOW_SAMPLES, peak_frequencies, step_frequency, typical_step
 from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.records.processing import resolution, without_line
 from ancf_casadi.support.arrays import Array, ComplexArray, Index
 from ancf_casadi.support.inputs import check_instance
 
 # Tests that fail: test_a_record_in_which_nothing_oscillates_is_refused (either minimum halved),
-# test_an_excitation_that_grows_out_of_the_noise_is_not_taken_for_rest_and_release (REST_SWING doubled, GROWN halved),
-# test_a_release_after_rest_is_no_excitation (GROWN doubled), test_a_plain_decay_is_never_cut (FEWEST halved), and
-# test_the_decay_begins_at_the_first_sample_in_motion (LEVEL halved).
-MINIMUM_SAMPLES = 10
-MINIMUM_PERIODS = 1.5  # fewer do not show whether the beam rests or moves
+# test_an_excitation_that_grows_out_of_the_noise_is_not_taken_for_rest_and_release (REST_SWING doubled, RELEASE_SWING
+# halved), test_a_release_after_rest_is_no_excitation (RELEASE_SWING doubled), test_a_plain_decay_is_never_cut
+# (MIN_WINDOWS halved), and test_the_decay_begins_at_the_first_sample_in_motion (MOTION_LEVEL halved).
+MIN_SAMPLES = 10
+MIN_PERIODS = 1.5  # fewer do not show whether the beam rests or moves
 REST_SWING = 0.25  # largest swing of a window at rest, relative to all; with a free oscillation it is at least 0.5
-GROWN = 0.8  # relative swing that a released beam reaches within a period; that of a driven beam grows slowly
-MOST_WINDOWS = 128  # limits the time of the search, which grows with the cube (benchmarks/test_decay_fit.py)
-FEWEST = 3  # windows with a force, and without: B, C and p need three
+RELEASE_SWING = 0.8  # relative swing that a released beam reaches within a period; that of a driven beam grows slowly
+MAX_WINDOWS = 128  # limits the time of the search, which grows with the cube (benchmarks/test_decay_fit.py)
+MIN_WINDOWS = 3  # windows with a force, and without: B, C and p need three
 ALL_RELEASES = "fit_decays(separate_takes(record)), or --release all"
-MOST_TAKE_WINDOWS = 512  # of a record with several releases
-JUMP = 1.25  # least growth of the amplitude at a release, from one window to the next but one
-MOST_UNEXPLAINED = 0.04  # share of the motion that a free decay leaves; random responses leave more
-MOST_LEFT_BY_TAKES = 0.02  # the same for several releases
-QUANTISED = 0.25  # error of the amplitude of a quantised oscillation, in steps of the quantisation
-FALLING = 1.05  # largest growth of the amplitude from window to window that counts as a decay, for the noise in it
-LEVEL = 0.02  # departure that does not count as motion, relative to the largest swing
+MAX_TAKE_WINDOWS = 512  # of a record with several releases
+RELEASE_JUMP = 1.25  # least growth of the amplitude at a release, from one window to the next but one
+MAX_UNEXPLAINED = 0.04  # share of the motion that a free decay leaves; random responses leave more
+MAX_UNEXPLAINED_BY_TAKES = 0.02  # the same for several releases
+QUANTISATION_ERROR = 0.25  # error of the amplitude of a quantised oscillation, in steps of the quantisation
+DECAY_TOLERANCE = 1.05  # largest growth of the amplitude, due to noise, from window to window of a decay
+MOTION_LEVEL = 0.02  # departure that does not count as motion, relative to the largest swing
 
 
 @dataclass(frozen=True)
@@ -77,24 +83,24 @@ class Release:
 
 def find_release(time: Array, measured: Array) -> Release:
     """Return the start of the free decay in values of any sensor, the first unless rest or an excitation precedes."""
-    if len(time) < MINIMUM_SAMPLES or np.ptp(measured) == 0.0:
+    if len(time) < MIN_SAMPLES or np.ptp(measured) == 0.0:
         return Release(0, "the first sample")
     takes = find_takes(time, measured)
     if takes:
-        begins = ", ".join(f"{time[take.start]:.4g} s" for take in takes)
-        note = (
-            f"the record holds {len(takes)} releases, at about {begins}; the last one is fitted (all: {ALL_RELEASES})"
-        )
+        times = ", ".join(f"{time[take.start]:.4g} s" for take in takes)
+        note = f"the record holds {len(takes)} releases, at about {times}; the last one is fitted (all: {ALL_RELEASES})"
         last = find_release(time[takes[-1].start :], measured[takes[-1].start :])
         return Release(takes[-1].start + last.index, "the last of several releases", (note, *last.notes))
     period = 1 / step_frequency(time, without_line(time, measured))
-    rest, grows = _end_of_rest(time, measured, period)
-    forced = rest + end_of_excitation(time[rest:], measured[rest:])
-    if forced == rest and grows:
-        forced = end_of_excitation(time, measured)  # the rest may be a weak excitation
-    begin = _after_gaps(time, max(rest, forced), period)
+    rest_end, grows_slowly_after = _find_end_of_rest(time, measured, period)
+    excitation_end = rest_end + find_end_of_excitation(time[rest_end:], measured[rest_end:])
+    if excitation_end == rest_end and grows_slowly_after:
+        excitation_end = find_end_of_excitation(time, measured)  # the rest may be a weak excitation
+    begin = _after_gaps(time, max(rest_end, excitation_end), period)
     gap = float(time[begin] - time[begin - 1]) if begin else 0.0
-    reason = "the end of an excitation" if forced > rest else "the end of rest" if rest else "the first sample"
+    reason = "the end of rest" if rest_end else "the first sample"
+    if excitation_end > rest_end:
+        reason = "the end of an excitation"
     if gap <= GAP * typical_step(time):
         return Release(begin, reason)
     note = (
@@ -105,136 +111,145 @@ def find_release(time: Array, measured: Array) -> Release:
 
 
 def _after_gaps(time: Array, begin: int, period: float) -> int:
-    """Return the first sample after gaps that leave too little of the record before them to tell rest from motion."""
+    """Return the first sample after all gaps that follow the begin too closely to distinguish rest from motion."""
     longest = max(period / 2, GAP * typical_step(time))
-    early = slice(begin, int(np.searchsorted(time, time[begin] + 4 * MINIMUM_PERIODS * period)))
-    for gap in (begin + np.flatnonzero(np.diff(time[early]) > longest)).tolist():
-        if time[gap] - time[begin] < MINIMUM_PERIODS * period:
+    first_periods = slice(begin, int(np.searchsorted(time, time[begin] + 4 * MIN_PERIODS * period)))
+    for gap in (begin + np.flatnonzero(np.diff(time[first_periods]) > longest)).tolist():
+        if time[gap] - time[begin] < MIN_PERIODS * period:
             begin = gap + 1
     return begin
 
 
-def _end_of_rest(time: Array, displacement: Array, period: float) -> tuple[int, bool]:
+def _find_end_of_rest(time: Array, displacement: Array, period: float) -> tuple[int, bool]:
     """Return the index of the first sample after rest, 0 if there is none, and whether the swing then grows slowly."""
     step = typical_step(time)
-    least = min(LEAST_SAMPLES, max(LEAST_SAMPLES // 2, math.ceil(period / step)))
-    width = max(period / 2, (least - 1) * step)
-    last = np.maximum(np.searchsorted(time, time + width - step / 2), np.arange(len(time)) + least - 1)
-    last = last[last < len(time)]
-    if not last.size:
+    min_samples = min(MIN_WINDOW_SAMPLES, max(MIN_WINDOW_SAMPLES // 2, math.ceil(period / step)))
+    width = max(period / 2, (min_samples - 1) * step)
+    last_indices = np.maximum(np.searchsorted(time, time + width - step / 2), np.arange(len(time)) + min_samples - 1)
+    last_indices = last_indices[last_indices < len(time)]
+    if not last_indices.size:
         return 0, False
-    flat = without_line(time, displacement)
-    swing = _highest(flat, last) + _highest(-flat, last)
-    whole = _highest(np.append(np.diff(time), 0.0), last - 1) <= max(width / 2, 2.5 * step)
-    quiet = np.flatnonzero((whole & (swing <= REST_SWING * swing.max()))[: int(np.argmax(swing))])
-    if quiet.size == 0:
+    without_drift = without_line(time, displacement)
+    swing = _sliding_maximum(without_drift, last_indices) + _sliding_maximum(-without_drift, last_indices)
+    has_no_hole = _sliding_maximum(np.append(np.diff(time), 0.0), last_indices - 1) <= max(width / 2, 2.5 * step)
+    rest_windows = np.flatnonzero((has_no_hole & (swing <= REST_SWING * swing.max()))[: int(np.argmax(swing))])
+    if rest_windows.size == 0:
         return 0, False
-    begin, end = int(quiet[-1]), int(last[quiet[-1]])
+    begin, end = int(rest_windows[-1]), int(last_indices[rest_windows[-1]])
     level = np.median(displacement[begin : end + 1])
     departure = np.abs(displacement - level)
-    still = departure <= max(LEVEL * swing.max(), 3 * np.median(departure[begin : end + 1]))
-    rest = begin + int(np.flatnonzero(still[begin : end + 1])[-1])
-    while still[rest + 1 : rest + 3].any():  # beyond the window, which ends before a hole
-        rest += 1 if still[rest + 1] else 2
-    if rest + 1 == len(time):
+    at_rest = departure <= max(MOTION_LEVEL * swing.max(), 3 * np.median(departure[begin : end + 1]))
+    last_at_rest = begin + int(np.flatnonzero(at_rest[begin : end + 1])[-1])
+    while at_rest[last_at_rest + 1 : last_at_rest + 3].any():  # beyond the window, which ends before a hole
+        last_at_rest += 1 if at_rest[last_at_rest + 1] else 2
+    if last_at_rest + 1 == len(time):
         return 0, False
-    near = slice(rest, int(np.searchsorted(time, time[rest] + 2 * width)))
-    return rest + 1, bool(whole[near].all() and swing[near].max(initial=0.0) < GROWN * swing.max())
+    following = slice(last_at_rest, int(np.searchsorted(time, time[last_at_rest] + 2 * width)))
+    return last_at_rest + 1, bool(
+        has_no_hole[following].all() and swing[following].max(initial=0.0) < RELEASE_SWING * swing.max()
+    )
 
 
-def _highest(values: Array, last: Index) -> Array:
-    """Return the maximum of ``values`` from each index i to ``last[i]``, from maxima over 1, 2, 4, ... values."""
-    begin = np.arange(len(last))
-    count = last - begin + 1
-    found, maximum, span = np.empty(len(last)), values, 1
-    while span <= count.max():
-        here = (span <= count) & (count < 2 * span)
-        found[here] = np.maximum(maximum[begin[here]], maximum[last[here] - span + 1])
-        if span > count.max() // 2:
+def _sliding_maximum(values: Array, last_indices: Index) -> Array:
+    """Return the maximum of ``values`` from each index i to ``last_indices[i]``, by maxima over 1, 2, 4, ... values."""
+    first_indices = np.arange(len(last_indices))
+    counts = last_indices - first_indices + 1
+    maxima, span_maxima, span = np.empty(len(last_indices)), values, 1
+    while span <= counts.max():
+        of_span = (span <= counts) & (counts < 2 * span)
+        maxima[of_span] = np.maximum(span_maxima[first_indices[of_span]], span_maxima[last_indices[of_span] - span + 1])
+        if span > counts.max() // 2:
             break
-        maximum, span = np.maximum(maximum[:-span], maximum[span:]), 2 * span
-    return found
+        span_maxima, span = np.maximum(span_maxima[:-span], span_maxima[span:]), 2 * span
+    return maxima
 
 
-def end_of_excitation(time: Array, displacement: Array) -> int:
+def find_end_of_excitation(time: Array, displacement: Array) -> int:
     """Return the index of the first sample after an excitation; 0 if there is none."""
-    if len(time) < LEAST_SAMPLES:
+    if len(time) < MIN_WINDOW_SAMPLES:
         return 0
-    found = _tracked(time, displacement, peak_frequencies(time, displacement - displacement.mean())[0])
-    z, P = found.z, len(found.z)
-    if P < 2 * FEWEST + 1:
+    track = _track_windows(time, displacement, peak_frequencies(time, displacement - displacement.mean())[0])
+    z, windows = track.z, len(track.z)
+    if windows < 2 * MIN_WINDOWS + 1:
         return 0
-    k = (found.time - found.time[0]) / found.length
-    motion = _motion(z, displacement)
+    k = (track.time - track.time[0]) / track.length
+    motion = _motion_power(z, displacement)
 
-    def clearly(free: float, forced: float, unknowns: int) -> bool:
-        return evident(free, forced, 2 * P, unknowns, motion)
+    def is_evident(free: float, forced: float, unknowns: int) -> bool:
+        return larger_model_is_evident(free, forced, 2 * windows, unknowns, motion)
 
-    log_q, free = _tails(k, z)
-    if not clearly(float(free[0]), _scatter(k, z, log_q[0]), 10 - 4):  # no smooth z is clearly better than one mode
+    log_q, free_misfits = _fit_tails(k, z)
+    single_misfit = float(free_misfits[0])
+    if not is_evident(single_misfit, _scatter_misfit(k, z, log_q[0]), 10 - 4):  # no smooth z is evident beside one mode
         return 0
     misfits: dict[int, float] = {}
-    supplied: dict[int, bool] = {}
+    sustained: dict[int, bool] = {}
 
-    def best_of(places: range) -> int:
-        for s in places:
+    def best_end(ends: range) -> int:
+        for s in ends:
             if s not in misfits:
-                misfit, supplied[s] = _forced(k[:s], z[: s - 1], log_q[s])
-                misfits[s] = (misfit + float(free[s])) * P / (P - 1)
+                misfit, sustained[s] = _fit_forced_response(k[:s], z[: s - 1], log_q[s])
+                misfits[s] = (misfit + float(free_misfits[s])) * windows / (windows - 1)
         return min(misfits, key=lambda s: (misfits[s], s))
 
-    stride = math.isqrt(P)
-    near = best_of(range(FEWEST + 1, P - FEWEST + 1, stride))
-    end = best_of(range(max(FEWEST + 1, near - stride), min(P - FEWEST, near + 2 * stride) + 1))
-    best = misfits[end]  # of ten unknowns: q, its amplitude, B, p, C and s
-    if not supplied[end] or not clearly(float(free[0]), best, 10 - 4) or not clearly(_lossy(k, z), best, 10 - 7):
+    stride = math.isqrt(windows)
+    coarse_end = best_end(range(MIN_WINDOWS + 1, windows - MIN_WINDOWS + 1, stride))
+    first, last = max(MIN_WINDOWS + 1, coarse_end - stride), min(windows - MIN_WINDOWS, coarse_end + 2 * stride)
+    end = best_end(range(first, last + 1))
+    best_misfit = misfits[end]  # of ten unknowns: q, its amplitude, B, p, C and s
+    if not sustained[end] or not is_evident(single_misfit, best_misfit, 10 - 4):
         return 0
-    if not all(clearly(_beating(k, z, modes), best, 10 - 4 * modes) for modes in (2, 3)):
+    if not is_evident(_one_mode_misfit(k, z), best_misfit, 10 - 7):
         return 0
-    last = max(s for s, left in misfits.items() if not clearly(left, best, 0))
-    return int(np.searchsorted(time, time[0] + found.number[last] * found.length - typical_step(time) / 2))
+    if not all(is_evident(_modes_misfit(k, z, modes), best_misfit, 10 - 4 * modes) for modes in (2, 3)):
+        return 0
+    latest_end = max(s for s, misfit in misfits.items() if not is_evident(misfit, best_misfit, 0))
+    return int(np.searchsorted(time, time[0] + track.number[latest_end] * track.length - typical_step(time) / 2))
 
 
-def _motion(z: ComplexArray, values: Array) -> float:
-    """Return the sum of the squares of a motion, no less than that of one with the errors of quantised values."""
-    return max(float(np.vdot(z, z).real), len(z) * (QUANTISED * resolution(values) / MODEL_ERROR) ** 2)
+def _motion_power(z: ComplexArray, values: Array) -> float:
+    """Return the sum of squares of a motion, raised so that the model error covers the quantisation of the values."""
+    return max(float(np.vdot(z, z).real), len(z) * (QUANTISATION_ERROR * resolution(values) / MODEL_ERROR) ** 2)
 
 
 def find_takes(time: Array, measured: Array) -> list[slice]:
     """Return the samples of each free decay in a record with several releases; empty if there are fewer than two.
 
-    A release raises the amplitude within two windows, before and after which it falls.  The takes are several if a free
-    decay in each of them is evident beside one free decay, and beside two or three modes that beat.
+    A release raises the amplitude within two windows; before and after, the amplitude falls.  There are several takes
+    if a free decay in each of them is evident beside one free decay, and beside two or three modes that beat.
     """
-    if len(time) < LEAST_SAMPLES or np.ptp(measured) == 0.0:
+    if len(time) < MIN_WINDOW_SAMPLES or np.ptp(measured) == 0.0:
         return []
     frequency = peak_frequencies(time, measured - measured.mean())[0]
-    found = track(time - time[0], measured, 2 * math.pi * frequency, most=MOST_TAKE_WINDOWS, degree=1, to_end=True)
-    z, size = found.z, found.amplitude
-    if len(z) < 2 * FEWEST + 1:
+    track = track_oscillation(
+        time - time[0], measured, 2 * math.pi * frequency, max_windows=MAX_TAKE_WINDOWS, degree=1, to_end=True
+    )
+    z, A = track.z, track.amplitude
+    if len(z) < 2 * MIN_WINDOWS + 1:
         return []
-    k = (found.time - found.time[0]) / found.length
-    least = REST_SWING * float(size.max())
+    k = (track.time - track.time[0]) / track.length
+    min_amplitude = REST_SWING * float(A.max())
     jumps = [0]
     for i in range(2, len(z) - 2):
-        falls = size[i - 1] <= FALLING * size[i - 2] and size[i + 2] <= FALLING * size[i + 1] >= size[i]
-        if falls and size[i + 1] > max(JUMP * size[i - 1], least) and i - jumps[-1] > 1:
+        before, release, after = A[i - 2 : i], A[i], A[i + 1 : i + 3]
+        falls = before[1] <= DECAY_TOLERANCE * before[0] and after[1] <= DECAY_TOLERANCE * after[0] >= release
+        if falls and after[0] > max(RELEASE_JUMP * before[1], min_amplitude) and i - jumps[-1] > 1:
             jumps.append(i)
     ends = [*jumps[1:], len(z)]
     takes = [slice(begin + 2 * (begin > 0), end) for begin, end in zip(jumps, ends, strict=True)]
-    takes = [take for take in takes if take.stop - take.start >= FEWEST + 1 and size[take].max() > least]
+    takes = [take for take in takes if take.stop - take.start >= MIN_WINDOWS + 1 and A[take].max() > min_amplitude]
     if len(takes) < 2:
         return []
-    one = min(_lossy(k, z), _beating(k, z, 2), _beating(k, z, 3))
-    share = sum(take.stop - take.start for take in takes) / len(z)  # of the windows, which hold as much of the noise
-    several = sum(_lossy(k[take] - k[take.start], z[take]) for take in takes) / share
-    motion = float(np.vdot(z, z).real)
-    if several > MOST_LEFT_BY_TAKES * motion or not evident(
-        one, several, 2 * len(z), 5 * len(takes), _motion(z, measured)
-    ):
+    single_misfit = min(_one_mode_misfit(k, z), _modes_misfit(k, z, 2), _modes_misfit(k, z, 3))
+    window_share = sum(take.stop - take.start for take in takes) / len(z)  # and share of the noise in the takes
+    takes_misfit = sum(_one_mode_misfit(k[take] - k[take.start], z[take]) for take in takes) / window_share
+    if takes_misfit > MAX_UNEXPLAINED_BY_TAKES * float(np.vdot(z, z).real):
+        return []
+    motion = _motion_power(z, measured)
+    if not larger_model_is_evident(single_misfit, takes_misfit, 2 * len(z), 5 * len(takes), motion):
         return []
     step = typical_step(time)
-    edges = time[0] + found.length * np.append(found.number, found.number[-1] + 1) - step / 2
+    edges = time[0] + track.length * np.append(track.number, track.number[-1] + 1) - step / 2
     return [slice(*np.searchsorted(time, edges[[take.start, take.stop]]).tolist()) for take in takes]
 
 
@@ -260,59 +275,59 @@ def separate_takes(record: Measurement) -> tuple[Measurement, ...]:
 
 
 def unexplained_before(time: Array, measured: Array, ω: float, λ: float) -> tuple[float, float]:
-    """Return the parts of the mean square of a record before a release that a mode under a harmonic force leaves.
+    """Divide the mean square of a record before a release into that of a forced response and a remainder.
 
     The first is explained by a harmonic force on the mode with frequency ω and rate λ (rad/s), the second is not.
     """
-    if len(time) < LEAST_SAMPLES:
+    if len(time) < MIN_WINDOW_SAMPLES:
         return 0.0, 0.0
-    found = track(time - time[0], measured, ω, most=MOST_TAKE_WINDOWS, degree=1, to_end=True)
-    if len(found.z) < 2 * FEWEST + 1:
+    track = track_oscillation(time - time[0], measured, ω, max_windows=MAX_TAKE_WINDOWS, degree=1, to_end=True)
+    if len(track.z) < 2 * MIN_WINDOWS + 1:
         return 0.0, 0.0
-    k, z = (found.time - found.time[0]) / found.length, found.z
-    noise = _scatter(k, z, _tails(k, z)[0][0])
-    left = max(_forced(np.append(k, k[-1] + 1), z, complex(-λ * found.length))[0] - noise, 0.0)
-    return max(float(np.vdot(z, z).real) - noise - left, 0.0) / (2 * len(k)), left / (2 * len(k))
+    k, z = (track.time - track.time[0]) / track.length, track.z
+    noise = _scatter_misfit(k, z, _fit_tails(k, z)[0][0])
+    unexplained = max(_fit_forced_response(np.append(k, k[-1] + 1), z, complex(-λ * track.length))[0] - noise, 0.0)
+    return max(float(np.vdot(z, z).real) - noise - unexplained, 0.0) / (2 * len(k)), unexplained / (2 * len(k))
 
 
 def unexplained_share(time: Array, measured: Array, ω: float) -> float:
-    """Return the share of a motion near a frequency (rad/s) that neither one free mode nor two explain, noise apart."""
-    found = track(time - time[0], measured, ω, most=MOST_WINDOWS, degree=1)
-    k, z = (found.time - found.time[:1]) / found.length, found.z
-    if len(z) < 2 * FEWEST + 1:
+    """Return the share of a motion near a frequency (rad/s) that neither one nor two free modes nor noise explain."""
+    track = track_oscillation(time - time[0], measured, ω, max_windows=MAX_WINDOWS, degree=1)
+    k, z = (track.time - track.time[:1]) / track.length, track.z
+    if len(z) < 2 * MIN_WINDOWS + 1:
         return 0.0
-    noise = _scatter(k, z, _tails(k, z)[0][0])
-    return max(min(_lossy(k, z), _beating(k, z, 2)) - noise, 0.0) / float(np.vdot(z, z).real)
+    noise = _scatter_misfit(k, z, _fit_tails(k, z)[0][0])
+    return max(min(_one_mode_misfit(k, z), _modes_misfit(k, z, 2)) - noise, 0.0) / float(np.vdot(z, z).real)
 
 
 def grows_slowly(time: Array, displacement: Array, frequency: float) -> bool:
     """Return whether the first oscillation of a given frequency (Hz) in a record grows over many windows."""
-    found = _tracked(time, np.gradient(displacement, time), frequency)
-    size = found.amplitude
-    peak = int(np.argmax(size)) if size.size else 0
-    size = size[np.append(-1, np.flatnonzero(~found.seen[:peak]))[-1] + 1 : peak + 1]
-    growth = np.arange(len(size)) + 0.5
-    if len(size) < 3:
+    track = _track_windows(time, np.gradient(displacement, time), frequency)
+    A = track.amplitude
+    peak = int(np.argmax(A)) if A.size else 0
+    A = A[np.append(-1, np.flatnonzero(~track.is_visible[:peak]))[-1] + 1 : peak + 1]
+    ramp = np.arange(len(A)) + 0.5
+    if len(A) < 3:
         return False
-    steady, grown = size - size.mean(), size - growth * (growth @ size) / (growth @ growth)
-    alike, slow, motion = (float(values @ values) for values in (steady, grown, size))
-    return evident(alike, slow, len(size) - 1, 0, motion)
+    constant_residuals, ramp_residuals = A - A.mean(), A - ramp * (ramp @ A) / (ramp @ ramp)
+    squares = [float(values @ values) for values in (constant_residuals, ramp_residuals, A)]
+    return larger_model_is_evident(squares[0], squares[1], len(A) - 1, 0, squares[2])
 
 
-def _tracked(time: Array, values: Array, frequency: float) -> Track:
-    return track(time - time[0], values, 2 * math.pi * frequency, most=MOST_WINDOWS, degree=1)
+def _track_windows(time: Array, values: Array, frequency: float) -> Track:
+    return track_oscillation(time - time[0], values, 2 * math.pi * frequency, max_windows=MAX_WINDOWS, degree=1)
 
 
-def _tails(k: Array, z: ComplexArray) -> tuple[ComplexArray, Array]:
+def _fit_tails(k: Array, z: ComplexArray) -> tuple[ComplexArray, Array]:
     """Return ln q of the free decay from each window to the last, and its misfit, by weighted regression of ln z."""
     w = np.abs(z) ** 2
     logarithm = np.log(np.abs(z)) + 1j * np.unwrap(np.angle(z))
 
-    def after(values: ComplexArray | Array) -> ComplexArray:
+    def sum_from(values: ComplexArray | Array) -> ComplexArray:
         return np.asarray(np.cumsum(values[::-1])[::-1], dtype=complex)
 
-    s0, s1, s2 = after(w), after(w * k), after(w * k**2)
-    f0, f1, f2 = after(w * logarithm), after(w * k * logarithm), after(w * np.abs(logarithm) ** 2)
+    s0, s1, s2 = sum_from(w), sum_from(w * k), sum_from(w * k**2)
+    f0, f1, f2 = sum_from(w * logarithm), sum_from(w * k * logarithm), sum_from(w * np.abs(logarithm) ** 2)
     spread = s2 - s1**2 / s0
     spread[-1] = 1.0
     log_q = (f1 - s1 * f0 / s0) / spread
@@ -320,56 +335,60 @@ def _tails(k: Array, z: ComplexArray) -> tuple[ComplexArray, Array]:
     return log_q, np.maximum(misfit, 0.0)
 
 
-def _scatter(k: Array, z: ComplexArray, log_q: complex) -> float:
+def _scatter_misfit(k: Array, z: ComplexArray, log_q: complex) -> float:
     """Return the misfit of a smooth curve of any shape, from the second differences of z/q^k in successive windows."""
-    w = z * np.exp(-log_q * k)
-    size = np.abs(z[1:-1] / w[1:-1])
-    squares = ((np.abs(np.diff(w, 2)) * size) ** 2)[k[2:] - k[:-2] < 2.5]
+    detrended = z * np.exp(-log_q * k)
+    amplitude = np.abs(z[1:-1] / detrended[1:-1])
+    squares = ((np.abs(np.diff(detrended, 2)) * amplitude) ** 2)[k[2:] - k[:-2] < 2.5]
     return float(np.mean(squares)) / 6 * len(z) if squares.size else math.inf
 
 
-def _forced(k: Array, y: ComplexArray, log_q: complex) -> tuple[float, bool]:
-    """Return the first sum of S(s), over z = y before the last of the windows k, and whether the force sustains them.
+def _fit_forced_response(k: Array, y: ComplexArray, log_q: complex) -> tuple[float, bool]:
+    """Fit a forced response to z = y in all windows k but the last, the first sum of S(s).
 
-    It does if it beats with the mode, or supplies more than half of the energy that the free mode would lose.
+    Return its misfit, and whether the force sustains the motion: it beats with the mode, or supplies more than half of
+    the energy that the free mode would lose.
     """
     k, s = k[:-1], float(k[-1])
     decay = np.exp(log_q * (k - s))
-    centre, width = 0.0, math.pi / 2
-    own, energy = np.vdot(decay, y), float(np.vdot(decay, decay).real)
+    centre_angle, width = 0.0, math.pi / 2
+    decay_projection, energy = np.vdot(decay, y), float(np.vdot(decay, decay).real)
 
-    def misfits(angles: Array) -> tuple[Array, ComplexArray, ComplexArray]:
+    def fit_force(angles: Array) -> tuple[Array, ComplexArray, ComplexArray]:
         steady = np.exp(1j * np.outer(angles, k))
         cross, projection = steady.conj() @ decay, steady.conj() @ y
         determinant = np.maximum(len(y) * energy - np.abs(cross) ** 2, 1e-9 * len(y) * energy)
-        B = (energy * projection - cross * own) / determinant
-        C = (own - cross.conj() * B) / energy
-        return np.vdot(y, y).real - (B.conj() * projection + C.conj() * own).real, B, C
+        B = (energy * projection - cross * decay_projection) / determinant
+        C = (decay_projection - cross.conj() * B) / energy
+        return np.vdot(y, y).real - (B.conj() * projection + C.conj() * decay_projection).real, B, C
 
     for zoom in range(4):
-        angles = centre + width * np.linspace(-1.0, 1.0, math.ceil(4 * s) + 9 if zoom == 0 else 9)
-        left, B, C = misfits(angles)
-        best = int(np.argmin(left))
-        centre, width = float(angles[best]), float(angles[1] - angles[0])
-    model = B[best] * np.exp(1j * centre * k) + C[best] * decay
+        angles = centre_angle + width * np.linspace(-1.0, 1.0, math.ceil(4 * s) + 9 if zoom == 0 else 9)
+        misfits, B, C = fit_force(angles)
+        best_index = int(np.argmin(misfits))
+        centre_angle, width = float(angles[best_index]), float(angles[1] - angles[0])
+    model = B[best_index] * np.exp(1j * centre_angle * k) + C[best_index] * decay
     power, loss = np.abs(model) ** 2, 1 - math.exp(2 * log_q.real)
-    beats = abs(centre - log_q.imag) * s > math.pi
-    supplied = float(np.sum(power[1:] - power[:-1] * (1 - loss) ** np.diff(k)))
-    sustained = log_q.real < 0.0 and (beats or supplied > loss * float(np.sum(power[:-1])) / 2)
+    beats = abs(centre_angle - log_q.imag) * s > math.pi
+    supplied_energy = float(np.sum(power[1:] - power[:-1] * (1 - loss) ** np.diff(k)))
+    sustained = log_q.real < 0.0 and (beats or supplied_energy > loss * float(np.sum(power[:-1])) / 2)
     return float(np.sum(np.abs(y - model) ** 2)), sustained
 
 
-def _lossy(k: Array, z: ComplexArray) -> float:
+def _one_mode_misfit(k: Array, z: ComplexArray) -> float:
     """Return the misfit of one free mode with dA/dk = -c - a A - b A^2 and a frequency that depends on A^2."""
     A = np.abs(z)
-    loss = losses_of(A, [since_start(k, 1 / A), k, since_start(k, A)])[2]
-    return loss + regression([np.ones(len(z)), k, since_start(k, A**2)], np.unwrap(np.angle(z)), A)[1]
+    loss = fit_loss_rates(A, [cumulative_integral(k, 1 / A), k, cumulative_integral(k, A)])[2]
+    return (
+        loss + weighted_least_squares([np.ones(len(z)), k, cumulative_integral(k, A**2)], np.unwrap(np.angle(z)), A)[1]
+    )
 
 
-def _beating(k: Array, z: ComplexArray, modes: int) -> float:
+def _modes_misfit(k: Array, z: ComplexArray, modes: int) -> float:
     """Return the misfit of several free modes, by the matrix pencil."""
-    every = np.arange(round(k[-1]) + 1.0)
-    filled = np.exp(np.interp(every, k, np.log(np.abs(z))) + 1j * np.interp(every, k, np.unwrap(np.angle(z))))
+    all_windows = np.arange(round(k[-1]) + 1.0)
+    logarithm = np.log(np.abs(z)) + 1j * np.unwrap(np.angle(z))
+    filled = np.exp(np.interp(all_windows, k, logarithm))
     hankel = np.lib.stride_tricks.sliding_window_view(filled, len(filled) // 2 + 1)
     vectors = np.linalg.svd(hankel, full_matrices=False)[2][:modes].T
     poles = np.linalg.eigvals(np.linalg.lstsq(vectors[:-1], vectors[1:])[0])
@@ -377,11 +396,11 @@ def _beating(k: Array, z: ComplexArray, modes: int) -> float:
     def residuals(log_poles: Array) -> Array:
         growth, turn = np.split(log_poles, 2)
         basis = np.exp(np.outer(k, np.minimum(growth, 0.0) + 1j * turn))
-        left = z - basis @ np.linalg.lstsq(basis, z)[0]
-        return np.concatenate([left.real, left.imag])
+        misfit = z - basis @ np.linalg.lstsq(basis, z)[0]
+        return np.concatenate([misfit.real, misfit.imag])
 
     start = np.concatenate([np.log(np.maximum(np.abs(poles), np.finfo(float).tiny)), np.angle(poles)])
-    if len(k) == len(every) and np.allclose(k, every):
+    if len(k) == len(all_windows) and np.allclose(k, all_windows):
         return float(np.sum(residuals(start) ** 2))
     from scipy.optimize import least_squares  # slow to import, and rarely needed
 

@@ -94,11 +94,13 @@ def flow_amplitude(
     k2 = rate(level + step / 2 * k1)
     k3 = rate(level + step / 2 * k2)
     k4 = rate(level + step * k3)
-    after = level + step / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
-    one = cs.Function("step", [level, step, x], [after, k1]).expand()
+    next_level = level + step / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
+    runge_kutta_step = cs.Function("step", [level, step, x], [next_level, k1]).expand()
     count = steps.numel() + 1  # the last step has no length, and gives the slope at the end
     unknowns = cs.vertcat(ω, *terms)
-    levels, rates = one.mapaccum("flow", count)(cs.log(e0), cs.horzcat(steps.T, 0.0), cs.repmat(unknowns, 1, count))
+    levels, rates = runge_kutta_step.mapaccum("flow", count)(
+        cs.log(e0), cs.horzcat(steps.T, 0.0), cs.repmat(unknowns, 1, count)
+    )
     return cs.exp(cs.mtimes(values, cs.horzcat(cs.log(e0), levels[:-1]).T) + cs.mtimes(slopes, rates.T))
 
 

@@ -22,15 +22,15 @@ from itertools import pairwise
 
 import numpy as np
 
-from ancf_casadi.decay.evidence import least_gain
+from ancf_casadi.decay.bic import gain_threshold
 from ancf_casadi.records.processing import UNEVEN, without_line
 from ancf_casadi.support.arrays import Array
 
 PADDING = 4  # length of the transform in lengths of the record, and points of the grid for uneven times per step
 GAP = 5.0  # median steps beyond which a step is a gap
-RIVAL = 0.5  # power of a candidate, relative to the highest peak
-SLOW = 6.0  # periods in a record, fewer of which may be the slow part of a step
-LEAST_SAMPLES = 8  # that show an oscillation and the noise beside it
+CANDIDATE_POWER = 0.5  # power of a candidate, relative to the highest peak
+STEP_PERIODS = 6.0  # periods in a record, fewer of which may be the slow part of a step
+MIN_WINDOW_SAMPLES = 8  # that show an oscillation and the noise beside it
 
 
 def typical_step(time: Array) -> float:
@@ -39,45 +39,46 @@ def typical_step(time: Array) -> float:
     return float(steps[steps <= GAP * np.median(steps)].mean())
 
 
-def is_even(time: Array) -> bool:
+def has_even_steps(time: Array) -> bool:
     """Return whether times are equally spaced."""
-    even = np.linspace(time[0], time[-1], len(time))
-    return bool(np.abs(time - even).max() <= UNEVEN * (even[1] - even[0]))
+    even_times = np.linspace(time[0], time[-1], len(time))
+    return bool(np.abs(time - even_times).max() <= UNEVEN * (even_times[1] - even_times[0]))
 
 
 def peak_frequencies(time: Array, swing: Array) -> list[float]:
     """Return candidates for the frequency (Hz) of an oscillation about 0, the highest peak first; one at even times."""
     frequency, power = power_spectrum(time, swing)
     peaks = 1 + np.flatnonzero((power[1:-1] >= power[:-2]) & (power[1:-1] >= power[2:]))
-    if is_even(time) or not peaks.size:
+    if has_even_steps(time) or not peaks.size:
         return [float(frequency[1 + np.argmax(power[1:])])]
     peaks = peaks[np.argsort(-power[peaks], kind="stable")]
-    return [float(one) for one in frequency[peaks[power[peaks] >= RIVAL * power[peaks[0]]]]]
+    return [float(peak) for peak in frequency[peaks[power[peaks] >= CANDIDATE_POWER * power[peaks[0]]]]]
 
 
-def outstanding_peak(time: Array, values: Array, lowest: float) -> float | None:
+def strongest_peak(time: Array, values: Array, lowest_frequency: float) -> float | None:
     """Return the frequency (Hz) above the lowest whose power stands out most of that around it; None if none does."""
     frequency, power = power_spectrum(time, values)
-    best, found = least_gain(len(values), 3) / 2, None  # relative to the mean power of noise, its median over ln 2
-    edges = np.searchsorted(frequency, lowest * 2 ** np.arange(0.0, math.log2(max(frequency[-1] / lowest, 1.0)), 0.5))
+    best_ratio, peak_frequency = gain_threshold(len(values), 3) / 2, None  # to the mean power of noise, median/ln 2
+    octaves = math.log2(max(frequency[-1] / lowest_frequency, 1.0))
+    edges = np.searchsorted(frequency, lowest_frequency * 2 ** np.arange(0.0, octaves, 0.5))
     for begin, end in pairwise([*edges.tolist(), len(frequency)]):
         if end - begin > 2 * PADDING:
-            highest = begin + int(np.argmax(power[begin:end]))
-            around = float(np.median(power[max(begin - 2 * PADDING, 0) : end + 2 * PADDING])) / math.log(2)
-            if power[highest] > best * around:
-                best, found = power[highest] / around, float(frequency[highest])
-    return found
+            peak = begin + int(np.argmax(power[begin:end]))
+            noise = float(np.median(power[max(begin - 2 * PADDING, 0) : end + 2 * PADDING])) / math.log(2)
+            if power[peak] > best_ratio * noise:
+                best_ratio, peak_frequency = power[peak] / noise, float(frequency[peak])
+    return peak_frequency
 
 
-def oscillating_power(time: Array, values: Array, lowest: float) -> float:
+def oscillating_power(time: Array, values: Array, lowest_frequency: float) -> float:
     """Return the mean square of what oscillates in values above a frequency (Hz), without drift and white noise."""
-    flat = without_line(time, values)
-    frequency, power = power_spectrum(time, flat)
-    above = power[frequency >= lowest]
-    if not (above.any() and power.any()):
+    oscillation = without_line(time, values)
+    frequency, power = power_spectrum(time, oscillation)
+    band_power = power[frequency >= lowest_frequency]
+    if not (band_power.any() and power.any()):
         return 0.0
-    noise = float(np.median(above)) / math.log(2) * above.size
-    return max(float(above.sum()) - noise, 0.0) / float(power.sum()) * float(np.mean(flat**2))
+    noise = float(np.median(band_power)) / math.log(2) * band_power.size
+    return max(float(band_power.sum()) - noise, 0.0) / float(power.sum()) * float(np.mean(oscillation**2))
 
 
 def step_frequency(time: Array, values: Array) -> float:
@@ -89,37 +90,37 @@ def step_frequency(time: Array, values: Array) -> float:
     The noise is then estimated from the lower quartile of the variance about a line in pieces of the record.  Uneven
     times are interpolated, so that a level is no oscillation.
     """
-    if not is_even(time):
-        even = np.linspace(time[0], time[-1], 1 + round((time[-1] - time[0]) / float(np.median(np.diff(time)))))
-        time, values = even, np.interp(even, time, values)
+    if not has_even_steps(time):
+        even_times = np.linspace(time[0], time[-1], 1 + round((time[-1] - time[0]) / float(np.median(np.diff(time)))))
+        time, values = even_times, np.interp(even_times, time, values)
     frequency, power = _even_spectrum((time[-1] - time[0]) / (len(time) - 1), values - values.mean())
-    mean, peak = float(np.median(power)) / math.log(2), least_gain(len(values), 3) / 2
-    for noise in (mean, min(mean, len(values) * _quiet_variance(values))):
-        above = frequency**2 * np.maximum(power - peak * noise, 0.0)
-        highest = float(frequency[1 + np.argmax(above[1:] if above.any() else power[1:])])
-        if highest * (time[-1] - time[0]) > SLOW:
+    mean_noise, peak_ratio = float(np.median(power)) / math.log(2), gain_threshold(len(values), 3) / 2
+    for noise in (mean_noise, min(mean_noise, len(values) * _quiet_variance(values))):
+        derivative_power = frequency**2 * np.maximum(power - peak_ratio * noise, 0.0)
+        peak_frequency = float(frequency[1 + np.argmax(derivative_power[1:] if derivative_power.any() else power[1:])])
+        if peak_frequency * (time[-1] - time[0]) > STEP_PERIODS:
             break
-    return highest
+    return peak_frequency
 
 
 def _quiet_variance(values: Array) -> float:
     """Return the lower quartile of the variance about a line, in pieces of the record."""
-    pieces = values[: len(values) // LEAST_SAMPLES * LEAST_SAMPLES].reshape(-1, LEAST_SAMPLES)
+    pieces = values[: len(values) // MIN_WINDOW_SAMPLES * MIN_WINDOW_SAMPLES].reshape(-1, MIN_WINDOW_SAMPLES)
     if not len(pieces):
         return math.inf
-    line = np.vander(np.linspace(-1.0, 1.0, LEAST_SAMPLES), 2)
-    rest = pieces - pieces @ np.linalg.pinv(line).T @ line.T
-    return float(np.quantile(np.sum(rest**2, axis=1), 0.25)) / (LEAST_SAMPLES - 2)
+    line = np.vander(np.linspace(-1.0, 1.0, MIN_WINDOW_SAMPLES), 2)
+    residuals = pieces - pieces @ np.linalg.pinv(line).T @ line.T
+    return float(np.quantile(np.sum(residuals**2, axis=1), 0.25)) / (MIN_WINDOW_SAMPLES - 2)
 
 
 def power_spectrum(time: Array, values: Array) -> tuple[Array, Array]:
     """Return the frequencies (Hz) and the power of values at any times, up to half the sampling rate."""
-    if is_even(time):
+    if has_even_steps(time):
         return _even_spectrum((time[-1] - time[0]) / (len(time) - 1), values)
     step = float(np.median(np.diff(time)))
-    places = np.round((time - time[0]) / (step / PADDING)).astype(int)
-    grid = np.zeros(places[-1] + 1)
-    np.add.at(grid, places, values)
+    grid_indices = np.round((time - time[0]) / (step / PADDING)).astype(int)
+    grid = np.zeros(grid_indices[-1] + 1)
+    np.add.at(grid, grid_indices, values)
     frequency, power = _even_spectrum(step / PADDING, grid)
     end = max(3, int(np.searchsorted(frequency, 1 / (2 * step), side="right")))
     return frequency[:end], power[:end]

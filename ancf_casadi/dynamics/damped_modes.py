@@ -48,7 +48,7 @@ from ancf_casadi.support.inputs import check_instance, instances, positive, whol
 from ancf_casadi.support.interrupts import lasting_interrupts
 from ancf_casadi.support.tables import Displayed, Reported, Table, counted
 from ancf_casadi.vibration.assembly import BANDWIDTH
-from ancf_casadi.vibration.eigensolver import rounding_of, shift_of
+from ancf_casadi.vibration.eigensolver import eigenvalue_rounding, eigenvalue_shift
 from ancf_casadi.vibration.equilibrium import Equilibrium
 from ancf_casadi.vibration.statics import primary_equilibrium, static_equilibrium
 
@@ -170,7 +170,7 @@ def damped_modes(
     inverse, sigma = _inverse(equilibrium_at_rest, law)
     eigenvalues, vectors = _largest(inverse, 2 * model.freedoms, 2 * count + 2)
     s = sigma + 1 / eigenvalues
-    still = np.abs(s) ** 2 <= 10 * rounding_of(model)
+    still = np.abs(s) ** 2 <= 10 * eigenvalue_rounding(model)
     s = np.where(still, 0.0, np.where(np.abs(s.imag) <= 1e-9 * np.abs(s), s.real, s))
     upper = np.concatenate([np.flatnonzero(still)[::2], np.flatnonzero(~still & (s.imag >= 0.0))])
     order = upper[np.argsort(np.abs(s[upper]), kind="stable")][:count]
@@ -322,7 +322,7 @@ def _inverse(equilibrium: Equilibrium, law: DampingLaw) -> tuple[Callable[[Array
     _, resistance, d = damping_at_rest(model, law)(equilibrium.coordinates)
     local, B = scipy.sparse.csc_array(resistance.sparse()), model.of_free(law.projection(model))
     coefficients = d.full().ravel()
-    M, N, sigma = sparse(mass).tocsr(), model.freedoms, float(np.sqrt(shift_of(model, stiffness, mass)))
+    M, N, sigma = sparse(mass).tocsr(), model.freedoms, float(np.sqrt(eigenvalue_shift(model, stiffness, mass)))
 
     def damping_force(x: Array) -> Array:
         return np.asarray(local @ x + (B * coefficients) @ (B.T @ x))

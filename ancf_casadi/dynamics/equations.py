@@ -34,7 +34,7 @@ import casadi as cs
 import numpy as np
 
 from ancf_casadi.damping import DampingLaw
-from ancf_casadi.damping.law import turned
+from ancf_casadi.damping.law import rotate_pairs
 from ancf_casadi.dynamics.placed_load import TIP, load_force, load_stiffness
 from ancf_casadi.mechanics.element import Element, Group
 from ancf_casadi.mechanics.loads import PointLoad
@@ -202,7 +202,7 @@ class Equations:
     def turned_projections(self) -> Array:
         """Rows of R B of the free coordinates for a clamp along x and along y, (2, N, m); R is linear in its slope."""
         B, axis = cs.DM(self.projection), self.model.beam.axis
-        return np.array([self.model.of_free(turned(B, axis, along).full()) for along in ((1.0, 0.0), (0.0, 1.0))])
+        return np.array([self.model.of_free(rotate_pairs(B, axis, along).full()) for along in ((1.0, 0.0), (0.0, 1.0))])
 
 
 @dataclass(frozen=True, eq=False)
@@ -235,25 +235,25 @@ class Balance:
 
     def turned_projection(self, e: cs.MX) -> cs.MX:
         """Return R B, turned with the clamp from the axis of the beam."""
-        return turned(self.projection, self.equations.model.beam.axis, e[2:NODE])
+        return rotate_pairs(self.projection, self.equations.model.beam.axis, e[2:NODE])
 
     def modal_velocities(self, slope: cs.MX, e_t: cs.MX) -> cs.MX:
         """Return B^T R^T e_t, (m, s), for the slope (2, s) of the clamp."""
-        return self.projection.T @ self._turned(e_t, slope, -1.0)
+        return self.projection.T @ self._rotate(e_t, slope, -1.0)
 
     def modal_damping(self, slope: cs.MX, modal_velocities: cs.MX) -> cs.MX:
         """Return R B diag(d) w, the low-rank part of the damping force, (4 n + 4, s), for the modal velocities w."""
-        return self._turned(self.projection @ (cs.diag(self.modal_coefficients) @ modal_velocities), slope, 1.0)
+        return self._rotate(self.projection @ (cs.diag(self.modal_coefficients) @ modal_velocities), slope, 1.0)
 
     def of_low_rank(self, slope: cs.MX, e_t: cs.MX) -> cs.MX:
         """Return the low-rank part R B diag(d) B^T R^T e_t of the damping force, (4 n + 4, s)."""
         return self.modal_damping(slope, self.modal_velocities(slope, e_t))
 
-    def _turned(self, vectors: cs.MX, slope: cs.MX, sign: float) -> cs.MX:
+    def _rotate(self, vectors: cs.MX, slope: cs.MX, sign: float) -> cs.MX:
         """Return R v, or R^T v if the sign is negative, for vectors (4 n + 4, s) and the slope (2, s) of the clamp."""
         (x, y), (along, across) = self.equations.model.beam.axis, cs.vertsplit(slope)
         cosine, sine = cs.diag(x * along + y * across), cs.diag(sign * (x * across - y * along))
-        return vectors @ cosine + turned(vectors, (1.0, 0.0), (0.0, 1.0)) @ sine
+        return vectors @ cosine + rotate_pairs(vectors, (1.0, 0.0), (0.0, 1.0)) @ sine
 
     def damping(self, e: cs.MX, e_t: cs.MX) -> cs.MX:
         """Return the damping force."""

@@ -27,7 +27,7 @@ from ancf_casadi.dynamics.base_motion import Piece, check_ramp, checked_samples,
 from ancf_casadi.dynamics.placed_load import LOAD_SIZE
 from ancf_casadi.mechanics.beam import Beam
 from ancf_casadi.mechanics.loads import LineLoad, PointLoad
-from ancf_casadi.mechanics.supports import checked_point
+from ancf_casadi.mechanics.supports import check_point
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.inputs import (
     check_size,
@@ -280,7 +280,7 @@ class MovingForce(TipLoad):
         keep_checked(self, force=sized_vector)
         physical(self.speed, "speed")
         not_negative(self.begin, "begin")
-        LineLoad((0.0, 0.0), checked_point(self.point), self.end)  # which checks the end
+        LineLoad((0.0, 0.0), check_point(self.point), self.end)  # which checks the end
 
     @property
     def place(self) -> None:

@@ -26,7 +26,7 @@ from numpy.typing import ArrayLike
 
 from ancf_casadi.dynamics.dense_output import MotionSource
 from ancf_casadi.exceptions import InputError
-from ancf_casadi.mechanics.model import Model, axial_strains_near, curvature_at
+from ancf_casadi.mechanics.model import Model, curvature_at, neighbouring_axial_strains
 from ancf_casadi.mechanics.nodes import NODE
 from ancf_casadi.mechanics.state import State
 from ancf_casadi.support.arrays import Array
@@ -343,7 +343,9 @@ class Trajectory(Motion):
     def axial_force(self, point: float) -> Array:
         """Return the axial force at a point, (k,), N, tension positive; see ``position``."""
         (width, thickness, _, modulus), prestress = self.model.properties, np.array(self.model.beam.prestress or [0.0])
-        readings = (axial_strains_near(self.model, point, at) for at in (self._interpolated, self._manufactured))
+        readings = (
+            neighbouring_axial_strains(self.model, point, at) for at in (self._interpolated, self._manufactured)
+        )
         strains = [
             (weight, k, strain - natural_strain)
             for (weight, k, strain), (*_, natural_strain) in zip(*readings, strict=True)

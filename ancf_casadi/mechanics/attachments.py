@@ -9,7 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass, fields
 from typing import Any, final
 
-from ancf_casadi.mechanics.supports import checked_point
+from ancf_casadi.mechanics.supports import check_point
 from ancf_casadi.support.inputs import keep_checked, not_negative, sized, vector
 from ancf_casadi.support.tables import Displayed
 
@@ -39,8 +39,8 @@ class Attachment(Displayed):
 
     def __post_init__(self) -> None:
         """Validate; the fields of a kind are amounts, or pairs of amounts along x and y."""
-        amounts = {own.name: _amount if own.type == "float" else _pair for own in fields(self)[1:]}
-        keep_checked(self, point=checked_point, **amounts)
+        amounts = {parameter.name: _amount if parameter.type == "float" else _pair for parameter in fields(self)[1:]}
+        keep_checked(self, point=check_point, **amounts)
 
 
 @final

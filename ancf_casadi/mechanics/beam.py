@@ -28,9 +28,9 @@ import numpy as np
 
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.attachments import Attachment
-from ancf_casadi.mechanics.lumped import PROPERTIES, Place, changed_parts, lumped_places
+from ancf_casadi.mechanics.lumped import PROPERTIES, Place, lumped_places, replace_lumped
 from ancf_casadi.mechanics.section import Section, check_elements
-from ancf_casadi.mechanics.supports import Clamp, Support, at_first
+from ancf_casadi.mechanics.supports import Clamp, Support, snap_to_point
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.files import read_toml
 from ancf_casadi.support.inputs import (
@@ -127,17 +127,17 @@ class Beam(Displayed):
         whole(self.elements, "elements", MINIMUM_ELEMENTS, MAXIMUM_ELEMENTS)
         keep_checked(self, axis=unit_vector, gravity=vector)
         for name in INITIAL:
-            own = numbers(getattr(self, name), name)
-            if len(own) not in (0, self.elements):
-                raise InputError(f"has {len(own)} values for {self.elements} elements", name)
-            check_size(own or 0.0, name)
-            object.__setattr__(self, name, own if any(own) else ())
+            initial_values = numbers(getattr(self, name), name)
+            if len(initial_values) not in (0, self.elements):
+                raise InputError(f"has {len(initial_values)} values for {self.elements} elements", name)
+            check_size(initial_values or 0.0, name)
+            object.__setattr__(self, name, initial_values if any(initial_values) else ())
         kinds = {"supports": Support, "attachments": Attachment}
-        parts = {name: instances(getattr(self, name), name, kind, least=0) for name, kind in kinds.items()}
-        places = np.array([0.0, self.length, *sorted(one.point for found in parts.values() for one in found)])
-        for name, found in parts.items():
-            joined = (at_first(one, places, SAME_POINT * self.length) for one in found)
-            object.__setattr__(self, name, tuple(sorted(joined, key=lambda one: one.point)))
+        items = {name: instances(getattr(self, name), name, kind, least=0) for name, kind in kinds.items()}
+        points = np.array([0.0, self.length, *sorted(item.point for item in itertools.chain(*items.values()))])
+        for name in items:
+            snapped = (snap_to_point(item, points, SAME_POINT * self.length) for item in items[name])
+            object.__setattr__(self, name, tuple(sorted(snapped, key=lambda item: item.point)))
         self._check_points()
         check_elements(self.element_lengths, zip(*(getattr(self, name) for name in PROPERTIES), strict=True))
 
@@ -191,11 +191,13 @@ class Beam(Displayed):
         (1200.0, 1200.0, 1200.0)
         """
         elements = whole(elements, "elements", MINIMUM_ELEMENTS, MAXIMUM_ELEMENTS)
-        given = {"width": width, "thickness": thickness, "density": density, "elastic_modulus": elastic_modulus}
-        given |= {"natural_curvature": natural_curvature, "prestress": prestress}
-        spread: dict[str, Any] = {name: _spread(value, elements, name) for name, value in given.items()}
-        held: dict[str, Any] = {"supports": supports, "attachments": attachments}
-        beam = cls(length=length, axis=axis, gravity=gravity, **held, **spread)
+        per_element = {"width": width, "thickness": thickness, "density": density, "elastic_modulus": elastic_modulus}
+        per_element |= {"natural_curvature": natural_curvature, "prestress": prestress}
+        element_values: dict[str, Any] = {
+            name: _per_element(value, elements, name) for name, value in per_element.items()
+        }
+        component_lists: dict[str, Any] = {"supports": supports, "attachments": attachments}
+        beam = cls(length=length, axis=axis, gravity=gravity, **component_lists, **element_values)
         lumped = {"tip_mass": tip_mass} if tip_mass != 0.0 else {}
         if clamp_stiffness != math.inf:
             lumped["clamp_stiffness"] = clamp_stiffness
@@ -251,13 +253,13 @@ class Beam(Displayed):
     def _points_of_nodes(self, n: int) -> Array:
         """Return the arc lengths of the nodes of n elements, (n + 1,), m."""
         inner = self._inner_points
-        places = [0, *_nodes_near([point / self.length * n for point in inner], n), n]
+        places = [0, *_distinct_nodes([point / self.length * n for point in inner], n), n]
         return np.interp(np.arange(n + 1), places, [0.0, *inner, self.length])
 
     @property
     def _inner_points(self) -> list[float]:
         """The points of supports and attachments between the ends, m, ascending."""
-        points = {one.point for one in self.supports} | {one.point for one in self.attachments}
+        points = {component.point for component in self.supports} | {component.point for component in self.attachments}
         return sorted(points - {0.0, self.length})
 
     @cached_property
@@ -280,13 +282,13 @@ class Beam(Displayed):
     @cached_property
     def lumped(self) -> dict[str, float]:
         """The lumped properties by name: those of attachments and supports along the beam, curvature, prestress."""
-        found = {name: place.value(self.supports, self.attachments) for name, place in self.lumped_places.items()}
-        return found | {name: max(getattr(self, name), key=abs) for name in INITIAL if getattr(self, name)}
+        properties = {name: place.value(self.supports, self.attachments) for name, place in self.lumped_places.items()}
+        return properties | {name: max(getattr(self, name), key=abs) for name in INITIAL if getattr(self, name)}
 
     @property
     def tip_is_held(self) -> bool:
         """True if a support is at the tip."""
-        return any(one.point == self.length for one in self.supports)
+        return any(support.point == self.length for support in self.supports)
 
     @property
     def tip_mass(self) -> float:
@@ -324,27 +326,28 @@ class Beam(Displayed):
         lumped = {name: changes.pop(name) for name in list(changes) if name not in names}
         for name in changes.keys() & {*PROPERTIES, *INITIAL}:
             if not (name in INITIAL and is_sequence(changes[name]) and not len(changes[name])):
-                changes[name] = _spread(changes[name], self.elements, name)
+                changes[name] = _per_element(changes[name], self.elements, name)
         if "length" in changes:  # what is at the tip stays there
             length = positive(changes["length"], "length")
             for name in ("supports", "attachments"):
-                own = (replace(one, point=length) if one.point == self.length else one for one in getattr(self, name))
-                changes.setdefault(name, tuple(own))
+                items = getattr(self, name)
+                at_tip = {item: replace(item, point=length) for item in items if item.point == self.length}
+                changes.setdefault(name, tuple(at_tip.get(item, item) for item in items))
         beam = replace(self, **changes)
         for name, value in lumped.items():
             if name not in {*beam.lumped_places, "tip_mass", "clamp_stiffness"}:
-                known = sorted(names | {*beam.lumped_places, "tip_mass", "clamp_stiffness"})
-                raise InputError(f"is not a property of the beam; known are {', '.join(known)}", name)
-            supports, attachments = changed_parts(beam.length, beam.supports, beam.attachments, name, value)
+                known_names = sorted(names | {*beam.lumped_places, "tip_mass", "clamp_stiffness"})
+                raise InputError(f"is not a property of the beam; known are {', '.join(known_names)}", name)
+            supports, attachments = replace_lumped(beam.length, beam.supports, beam.attachments, name, value)
             beam = replace(beam, supports=supports, attachments=attachments)
         return beam
 
     def with_lumped(self, values: Mapping[str, float]) -> Beam:
-        """Return a copy with other lumped properties; curvatures and prestresses of all elements keep their ratios."""
+        """Return a copy with other lumped properties; the ratios of curvatures and of prestresses stay the same."""
         changes: dict[str, Any] = dict(values)
         for name in changes.keys() & {*INITIAL}:
             ratio = changes[name] / self.lumped[name]
-            changes[name] = [ratio * own for own in getattr(self, name)]
+            changes[name] = [ratio * value for value in getattr(self, name)]
         return self.with_(**changes)
 
     @cached_property
@@ -355,16 +358,16 @@ class Beam(Displayed):
     def _check_points(self) -> None:
         """Refuse supports and attachments that are off the beam, at the same point, or more than the nodes."""
         for name in ("supports", "attachments"):
-            for one in getattr(self, name):
-                if one.point > self.length:
-                    place, length = shown(one.point), f"{self.length:g} m"
+            for component in getattr(self, name):
+                if component.point > self.length:
+                    place, length = shown(component.point), f"{self.length:g} m"
                     raise InputError(f"the point {place} m is not on the beam, which is {length} long", name)
-        points = [one.point for one in self.supports]
+        points = [support.point for support in self.supports]
         if twice := [point for point in points if points.count(point) > 1]:
             raise InputError(f"two supports hold the point at {twice[0]:g} m; give one that holds both", "supports")
-        for near, far in itertools.pairwise([0.0, *self._inner_points, self.length]):
-            if far - near < SHORTEST_ELEMENT * self.length:
-                ends = f"{shown(near)} and {shown(far)} m"
+        for point, next_point in itertools.pairwise([0.0, *self._inner_points, self.length]):
+            if next_point - point < SHORTEST_ELEMENT * self.length:
+                ends = f"{shown(point)} and {shown(next_point)} m"
                 raise InputError(f"{ends} are too close for an element; give both one point", "supports, attachments")
         inner = len(self._inner_points)
         if inner > self.elements - 1:
@@ -401,7 +404,7 @@ class SplitBeam(Beam):
         return np.interp(places, np.arange(coarse + 1), self._points_of_nodes(coarse))
 
 
-def _spread(value: Any, elements: int, name: str) -> tuple[float, ...]:
+def _per_element(value: Any, elements: int, name: str) -> tuple[float, ...]:
     if is_sequence(value):
         if len(value) != elements:
             raise InputError(f"has {len(value)} values for {elements} elements", name)
@@ -409,7 +412,7 @@ def _spread(value: Any, elements: int, name: str) -> tuple[float, ...]:
     return (value,) * elements
 
 
-def _nodes_near(places: Sequence[float], n: int) -> list[int]:
+def _distinct_nodes(places: Sequence[float], n: int) -> list[int]:
     """Return distinct nodes between 0 and n, one near each of the ascending places."""
     nodes: list[int] = []
     for k, place in enumerate(places):

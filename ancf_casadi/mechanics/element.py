@@ -88,26 +88,26 @@ def element(measures: StrainMeasures, *, curved: bool = False, prestressed: bool
     A ``curved`` or ``prestressed`` element has more properties: the ratio of its natural curvature to the largest one
     of the beam, that of its prestress, then the largest curvature, 1/m, and prestress, Pa.
     """
-    more = curved + prestressed
-    e, e_t, p = symbols(8, ELEMENT_PROPERTIES + 2 * more)
-    own = p[ELEMENT_PROPERTIES : ELEMENT_PROPERTIES + more] * p[ELEMENT_PROPERTIES + more :]
+    initial_count = curved + prestressed
+    e, e_t, p = symbols(8, ELEMENT_PROPERTIES + 2 * initial_count)
+    initial = p[ELEMENT_PROPERTIES : ELEMENT_PROPERTIES + initial_count] * p[ELEMENT_PROPERTIES + initial_count :]
     width, thickness, density, elastic_modulus, l, *axis = cs.vertsplit(p[:ELEMENT_PROPERTIES])
     area, units = width * thickness, cs.vertcat(1, 1, l, l, 1, 1, l, l)  # units * e: for a length of 1
     mu = density * area
 
     eps, kappa = axial_strains(units * e, l, measures), bending_strains(units * e, l, measures)
-    straight = cs.vertcat(0, 0, *axis, *(l * component for component in axis), *axis)
+    unstressed = cs.vertcat(0, 0, *axis, *(l * component for component in axis), *axis)
     if curved:
-        arc = _arc(l, own[0])
-        before = [axial_strains(arc, l, measures), bending_strains(arc, l, measures)]
+        arc = _arc(l, initial[0])
+        arc_strains = [axial_strains(arc, l, measures), bending_strains(arc, l, measures)]
         eps, kappa = (
             [(strain - natural, w) for (strain, w), (natural, _) in zip(strains, without, strict=True)]
-            for strains, without in zip((eps, kappa), before, strict=True)
+            for strains, without in zip((eps, kappa), arc_strains, strict=True)
         )
         (ax, ay) = axis
-        straight = cs.kron(cs.SX.eye(4), cs.blockcat([[ax, -ay], [ay, ax]])) @ (arc / units)
+        unstressed = cs.kron(cs.SX.eye(4), cs.blockcat([[ax, -ay], [ay, ax]])) @ (arc / units)
     if prestressed:
-        eps = [(strain + own[-1] / elastic_modulus, w) for strain, w in eps]
+        eps = [(strain + initial[-1] / elastic_modulus, w) for strain, w in eps]
     d = cs.vertcat(
         *(elastic_modulus * area * l * w for _, w in eps),
         *(elastic_modulus * area * thickness**2 / 12 * l * w for _, w in kappa),
@@ -121,7 +121,7 @@ def element(measures: StrainMeasures, *, curved: bool = False, prestressed: bool
     # of drag and friction; approximate: |v| v and v/|v| are not polynomials
     return derived_element(
         inputs=(e, e_t, p),
-        straight=straight,
+        straight=unstressed,
         strains=cs.vertcat(*(strain for strain, _ in eps + kappa)),
         weights=d,
         mass=mass,
@@ -164,8 +164,9 @@ def derived_element(
     and the mass at each point where drag and friction act.  ``dashpot`` (d,) is a force that resists e_t.
     """
     e, e_t, p = inputs
-    s, d = (cs.SX(0, 1) if part is None else part for part in (strains, weights))
-    mass, line_mass = (cs.SX.zeros(e.numel(), e.numel()) if part is None else part for part in (mass, line_mass))
+    s, d = (cs.SX(0, 1) if argument is None else argument for argument in (strains, weights))
+    no_mass = cs.SX.zeros(e.numel(), e.numel())
+    mass, line_mass = no_mass if mass is None else mass, no_mass if line_mass is None else line_mass
     weight = cs.SX.zeros(e.numel(), 2) if gravity is None else gravity
     elastic_force = cs.jtimes(s, e, d * s, True)
     strain_rate_force = cs.jtimes(s, e, d * cs.jtimes(s, e, e_t), True)
@@ -193,7 +194,7 @@ def derived_element(
         "dashpot_force": ([e_t, p], 0 * e_t if dashpot is None else dashpot),
     }
     return Element(
-        **{name: cs.Function(name, given, [cs.cse(cs.densify(output))]) for name, (given, output) in outputs.items()}
+        **{name: cs.Function(name, inputs, [cs.cse(cs.densify(output))]) for name, (inputs, output) in outputs.items()}
     )
 
 
@@ -223,16 +224,16 @@ class Group:
 
     def properties(self, P: Any, lumped: Mapping[str, Any] | None = None) -> Any:
         """Return the properties of each element as columns, from P (4, n) and, if given, other lumped ones by name."""
-        own = self.lumped if lumped is None else {name: lumped[name] for name in self.lumped}
-        given = [cs.DM(self.constants), *(cs.repmat(value, 1, self.count) for value in own.values())]
+        values = self.lumped if lumped is None else {name: lumped[name] for name in self.lumped}
+        constants = [cs.DM(self.constants), *(cs.repmat(value, 1, self.count) for value in values.values())]
         columns = P[:, self.columns]
-        return cs.vertcat(*([columns] if columns.shape[1] else []), *given)
+        return cs.vertcat(*([columns] if columns.shape[1] else []), *constants)
 
     def gather(self, e: cs.MX) -> cs.MX:
         """Return the coordinates of each element as columns, (d, k s), from s states of all nodes, (size, s)."""
         columns = np.arange(e.size2())[:, None] * e.size1()
-        places = (self.coordinates.ravel() + columns).ravel()
-        return cs.reshape(e.nz[places.tolist()], self.coordinates.shape[1], -1)
+        indices = (self.coordinates.ravel() + columns).ravel()
+        return cs.reshape(e.nz[indices.tolist()], self.coordinates.shape[1], -1)
 
     def scatter(self, forces: cs.MX, size: int) -> cs.MX:
         """Return the sums at all nodes, (size, s), of element forces, (d, k s)."""

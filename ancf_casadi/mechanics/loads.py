@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.beam import Beam
-from ancf_casadi.mechanics.supports import checked_point
+from ancf_casadi.mechanics.supports import check_point
 from ancf_casadi.support.inputs import flag, keep_checked, number, positive, sized, sized_vector, vector
 from ancf_casadi.support.tables import Displayed
 
@@ -60,7 +60,7 @@ class PointLoad(Displayed):
         """Validate."""
         keep_checked(self, follower=flag, force=sized_vector, moment=sized)
         if self.point is not None:
-            checked_point(self.point)
+            check_point(self.point)
 
     @classmethod
     def hung(cls, mass: float, point: float | None = None, *, gravity: tuple[float, float] = (0.0, -9.81)) -> PointLoad:
@@ -147,7 +147,7 @@ class LineLoad(Displayed):
     def __post_init__(self) -> None:
         """Validate."""
         keep_checked(self, force=sized_vector, follower=flag)
-        checked_point(self.begin, "begin")
+        check_point(self.begin, "begin")
         if self.end is not None and number(self.end, "end") <= self.begin:
             raise InputError(f"must be beyond the beginning at {self.begin:g} m, got {self.end:g}", "end")
 

@@ -51,7 +51,7 @@ def lumped_kind(name: str) -> str:
     return kind if kind in LUMPED_KINDS else ""
 
 
-def unit_of(name: str) -> str:
+def property_unit(name: str) -> str:
     """Return the SI unit of a property; a name may have elements in brackets, or a number."""
     return BEAM_UNITS[lumped_kind(name) or name.partition("[")[0]]
 
@@ -68,35 +68,35 @@ class Place:
 
     def value(self, supports: Sequence[Support], attachments: Sequence[Attachment]) -> float:
         """Return the value of the property."""
-        found = getattr((supports if self.owner == "supports" else attachments)[self.number], self.attribute)
-        return float(found if self.component is None else found[self.component])
+        value = getattr((supports if self.owner == "supports" else attachments)[self.number], self.attribute)
+        return float(value if self.component is None else value[self.component])
 
 
 def lumped_places(length: float, supports: Sequence[Support], attachments: Sequence[Attachment]) -> dict[str, Place]:
     """Return the place of each lumped property of a beam: those of attachments, then those of supports."""
     places = []
-    for k, one in enumerate(attachments):
-        if isinstance(one, PointMass):
-            places.append(Place("tip_mass" if one.point == length else "mass", "attachments", k, "mass"))
-            if one.rotary_inertia:
+    for k, attachment in enumerate(attachments):
+        if isinstance(attachment, PointMass):
+            places.append(Place("tip_mass" if attachment.point == length else "mass", "attachments", k, "mass"))
+            if attachment.rotary_inertia:
                 places.append(Place("rotary_inertia", "attachments", k, "rotary_inertia"))
-        elif isinstance(one, RotationalSpring):
+        elif isinstance(attachment, RotationalSpring):
             places.append(Place("rotational_spring", "attachments", k, "stiffness"))
-        elif isinstance(one, Spring | Dashpot):
-            kind, attribute = ("spring", "stiffness") if isinstance(one, Spring) else ("dashpot", "coefficient")
-            pairs = [(j, axis) for j, axis in enumerate("xy") if getattr(one, attribute)[j]]
+        elif isinstance(attachment, Spring | Dashpot):
+            kind, attribute = ("spring", "stiffness") if isinstance(attachment, Spring) else ("dashpot", "coefficient")
+            pairs = [(j, axis) for j, axis in enumerate("xy") if getattr(attachment, attribute)[j]]
             places += [Place(f"{kind}_{axis}", "attachments", k, attribute, j) for j, axis in pairs]
     for k, support in enumerate(supports):
         if isinstance(support, Clamp) and math.isfinite(support.stiffness):
             places.append(Place("clamp_stiffness", "supports", k, "stiffness"))
-    found: dict[str, Place] = {}
+    named_places: dict[str, Place] = {}
     for place in places:
-        count = sum(other.kind == place.kind for other in found.values())
-        found[f"{place.kind}_{count + 1}" if count else place.kind] = place
-    return found
+        count = sum(named.kind == place.kind for named in named_places.values())
+        named_places[f"{place.kind}_{count + 1}" if count else place.kind] = place
+    return named_places
 
 
-def changed_parts(
+def replace_lumped(
     length: float, supports: tuple[Support, ...], attachments: tuple[Attachment, ...], name: str, value: Any
 ) -> tuple[tuple[Support, ...], tuple[Attachment, ...]]:
     """Return supports and attachments with another value of a lumped property, or with a tip mass or clamp stiffness.
@@ -108,15 +108,17 @@ def changed_parts(
         attachments = (*attachments, PointMass(length, 0.0))
         place = Place("tip_mass", "attachments", len(attachments) - 1, "mass")
     elif place is None:
-        clamps = [k for k, one in enumerate(supports) if isinstance(one, Clamp)]
+        clamps = [k for k, support in enumerate(supports) if isinstance(support, Clamp)]
         if not clamps:
             raise InputError("the beam has no clamp", name)
         place = Place("clamp_stiffness", "supports", clamps[0], "stiffness")
-    parts: list[Any] = list(supports if place.owner == "supports" else attachments)
-    old = getattr(parts[place.number], place.attribute)
-    new = value if place.component is None else tuple(value if j == place.component else x for j, x in enumerate(old))
+    components: list[Any] = list(supports if place.owner == "supports" else attachments)
+    if place.component is not None:
+        pair = list(getattr(components[place.number], place.attribute))
+        pair[place.component] = value
+        value = tuple(pair)
     try:
-        parts[place.number] = replace(parts[place.number], **{place.attribute: new})
+        components[place.number] = replace(components[place.number], **{place.attribute: value})
     except InputError as error:
         raise InputError(str(error).removeprefix(f"{place.attribute}: "), name) from None
-    return (tuple(parts), attachments) if place.owner == "supports" else (supports, tuple(parts))
+    return (tuple(components), attachments) if place.owner == "supports" else (supports, tuple(components))

@@ -57,11 +57,11 @@ POINT_INERTIAS = {"tip_mass": point_mass, "mass": point_mass, "rotary_inertia": 
 At = Callable[[Array], tuple[Any, Any]]  # multiplies an interpolation by coordinates, numbers or symbols: x and y
 
 
-def _of_elements(about: str, name: str, *inputs: str, output: str = "Q", **shared: int) -> cached_property[cs.Function]:
+def _element_sum(text: str, name: str, *inputs: str, output: str = "Q", **shared: int) -> cached_property[cs.Function]:
     """Return the property of a model with the sum of an element Function, as of ``Model._summed``."""
-    found = cached_property(lambda model: model._summed(name, *inputs, output=output, **shared))
-    found.__doc__ = about
-    return found
+    function = cached_property(lambda model: model._sum_elements(name, *inputs, output=output, **shared))
+    function.__doc__ = text
+    return function
 
 
 @dataclass(frozen=True)
@@ -126,7 +126,7 @@ class Model(Nodes):
         if self.root and not any(np.abs(self.whole_of_base[2 + NODE :: NODE]).sum(axis=1)):
             first = NODE + coordinates[None, :NODE]
             groups.append(Group(slope_length(), first, slice(1), constants[:3, :1], {}))
-        return (*groups, *(self._attached(name) for name in beam.lumped_places))
+        return (*groups, *(self._attachment_group(name) for name in beam.lumped_places))
 
     @cached_property
     def groups_at_base(self) -> dict[int, Group]:
@@ -150,50 +150,50 @@ class Model(Nodes):
         rows += [np.array(getattr(beam, name)) / beam.lumped[name] for name in INITIAL if name in beam.lumped]
         return np.array(rows)
 
-    def _attached(self, name: str) -> Group:
+    def _attachment_group(self, name: str) -> Group:
         """Return the element of a lumped property of a support or attachment."""
         place = self.beam.lumped_places[name]
-        kind, one = place.kind, getattr(self.beam, place.owner)[place.number]
-        none, node, lumped = slice(0), self.nodes_of(one.point), {name: self.beam.lumped[name]}
+        kind, component = place.kind, getattr(self.beam, place.owner)[place.number]
+        no_columns, node, lumped = slice(0), self.nodes_of(component.point), {name: self.beam.lumped[name]}
         if kind in POINT_INERTIAS:
-            return Group(POINT_INERTIAS[kind](), node[None], none, np.zeros((0, 1)), lumped)
-        both = np.concatenate([np.arange(NODE), node])[None]
+            return Group(POINT_INERTIAS[kind](), node[None], no_columns, np.zeros((0, 1)), lumped)
+        base_and_node = np.concatenate([np.arange(NODE), node])[None]
         position, slope = self.straight[node[:2]], self.straight[node[2:]]
         if kind in ("clamp_stiffness", "rotational_spring"):
-            angle = getattr(one, "rotation", 0.0)
+            angle = getattr(component, "rotation", 0.0)
             slope = np.array([[math.cos(angle), -math.sin(angle)], [math.sin(angle), math.cos(angle)]]) @ slope
-            constants = np.array([*self._seen_from_axis(slope)[:, 0], *self.beam.axis])
-            return Group(rotational_spring(), both, none, constants[:, None], lumped)
-        constants = np.array([*self._seen_from_axis(position)[:, 0], *np.eye(2)[place.component or 0]])
+            constants = np.array([*self._base_frame_matrix(slope)[:, 0], *self.beam.axis])
+            return Group(rotational_spring(), base_and_node, no_columns, constants[:, None], lumped)
+        constants = np.array([*self._base_frame_matrix(position)[:, 0], *np.eye(2)[place.component or 0]])
         element_of = spring if kind.startswith("spring") else dashpot
-        return Group(element_of(), both, none, constants[:, None], lumped)
+        return Group(element_of(), base_and_node, no_columns, constants[:, None], lumped)
 
-    strain_energy = _of_elements("(e, P) -> U, J, Eq. (8).", "strain_energy", "e", output="U")
-    elastic_force = _of_elements("(e, P) -> Q_e, Eq. (6).", "elastic_force", "e", output="Q_e")
-    tangent_stiffness = _of_elements("(e, P) -> K = dQ_e/de, sparse.", "tangent_stiffness", "e", output="K")
-    tangent_force = _of_elements(
+    strain_energy = _element_sum("(e, P) -> U, J, Eq. (8).", "strain_energy", "e", output="U")
+    elastic_force = _element_sum("(e, P) -> Q_e, Eq. (6).", "elastic_force", "e", output="Q_e")
+    tangent_stiffness = _element_sum("(e, P) -> K = dQ_e/de, sparse.", "tangent_stiffness", "e", output="K")
+    tangent_force = _element_sum(
         "(e, e_t, P) -> K e_t, the time derivative of the elastic force.", "tangent_force", "e", "e_t"
     )
-    reference_force = _of_elements("(e_t, P) -> K e_t with K of the straight beam.", "reference_force", "e_t")
-    strain_rate_force = _of_elements(
+    reference_force = _element_sum("(e_t, P) -> K e_t with K of the straight beam.", "reference_force", "e_t")
+    strain_rate_force = _element_sum(
         "(e, e_t, P) -> Q_v, the objective Kelvin-Voigt force per unit time constant.", "strain_rate_force", "e", "e_t"
     )
-    drag_force = _of_elements("``(e_t, P) -> int S^T mu |v| v dp``, the integral in Eq. (23).", "drag_force", "e_t")
-    friction_force = _of_elements(
+    drag_force = _element_sum("``(e_t, P) -> int S^T mu |v| v dp``, the integral in Eq. (23).", "drag_force", "e_t")
+    friction_force = _element_sum(
         "``(e_t, P, v0) -> int S^T mu v/(|v|^2 + v0^2)^(1/2) dp``, smoothed below the speed v0 (m/s).",
         "friction_force",
         "e_t",
         v0=1,
     )
-    dashpot_force = _of_elements("(e_t, P) -> the force of the dashpots, which resists e_t.", "dashpot_force", "e_t")
-    mass = _of_elements("P -> M, Eq. (7), sparse.", "mass", output="M")
-    line_inertia_force = _of_elements(
+    dashpot_force = _element_sum("(e_t, P) -> the force of the dashpots, which resists e_t.", "dashpot_force", "e_t")
+    mass = _element_sum("P -> M, Eq. (7), sparse.", "mass", output="M")
+    line_inertia_force = _element_sum(
         "(e_tt, P) -> int S^T mu r_tt dp, the part of M e_tt from mass along the beam; also for velocities.",
         "line_inertia_force",
         "e_tt",
     )
-    inertia_force = _of_elements("(e_tt, P) -> M e_tt; also for velocities.", "inertia_force", "e_tt")
-    gravity_force = _of_elements(
+    inertia_force = _element_sum("(e_tt, P) -> M e_tt; also for velocities.", "inertia_force", "e_tt")
+    gravity_force = _element_sum(
         "(P, g) -> Q_g, Eq. (7); g is the acceleration of gravity (2), m/s^2.", "gravity_force", output="Q_g", g=2
     )
 
@@ -217,9 +217,9 @@ class Model(Nodes):
     def free_entries(self) -> tuple[Index, Index, Index, Array]:
         """Places in ``entries`` of those that belong to free coordinates, the numbers of these, and N_ik N_jl."""
         rows, columns = (self.free_of[index] for index in self.entries)
-        kept = np.flatnonzero((rows >= 0) & (columns >= 0))
-        products = np.prod([self.weights[index[kept]] for index in self.entries], axis=0)
-        return kept, rows[kept], columns[kept], products
+        entry_indices = np.flatnonzero((rows >= 0) & (columns >= 0))
+        products = np.prod([self.weights[index[entry_indices]] for index in self.entries], axis=0)
+        return entry_indices, rows[entry_indices], columns[entry_indices], products
 
     def matrix(self, values: cs.MX) -> cs.MX:
         """Return the sparse sum of element matrices, ``values`` as in ``entries``."""
@@ -228,8 +228,8 @@ class Model(Nodes):
 
     def free_matrix(self, values: cs.MX) -> cs.MX:
         """Return N^T A N, sparse, of the sum A of element matrices, ``values`` as in ``entries``."""
-        kept, rows, columns, products = self.free_entries
-        return _sparse_sum(values, kept, rows, columns, self.freedoms, products)
+        entry_indices, rows, columns, products = self.free_entries
+        return _sparse_sum(values, entry_indices, rows, columns, self.freedoms, products)
 
     def of_elements(
         self,
@@ -243,23 +243,23 @@ class Model(Nodes):
         results = []
         for group in self.groups:
             function: cs.Function = getattr(group.element, name)
-            same = [cs.repmat(symbol, 1, group.count) for symbol in numbers]
-            results.append(function.map(group.count)(*map(group.gather, vectors), group.properties(p, lumped), *same))
+            shared = [cs.repmat(symbol, 1, group.count) for symbol in numbers]
+            results.append(function.map(group.count)(*map(group.gather, vectors), group.properties(p, lumped), *shared))
         return results
 
-    def _summed(self, name: str, *inputs: str, output: str, **shared: int) -> cs.Function:
+    def _sum_elements(self, name: str, *inputs: str, output: str, **shared: int) -> cs.Function:
         """Return the sum of an element Function: of vectors at all nodes, P, and shared numbers by size."""
         vectors = [cs.MX.sym(symbol, self.size) for symbol in inputs]
-        same = [cs.MX.sym(symbol, size) for symbol, size in shared.items()]
+        shared_symbols = [cs.MX.sym(symbol, size) for symbol, size in shared.items()]
         p = cs.MX.sym("P", len(PROPERTIES), self.beam.elements)
-        parts = self.of_elements(name, p, *vectors, numbers=same)
+        terms = self.of_elements(name, p, *vectors, numbers=shared_symbols)
         if output == "U":
-            total = sum(map(cs.sum2, parts), cs.MX(0))
+            total = sum(map(cs.sum2, terms), cs.MX(0))
         elif output in ("K", "M"):
-            total = self.matrix(cs.vertcat(*map(cs.vec, parts)))
+            total = self.matrix(cs.vertcat(*map(cs.vec, terms)))
         else:
-            total = self.sum_at_nodes(parts)
-        return cs.Function(name, [*vectors, p, *same], [total], [*inputs, "P", *shared], [output])
+            total = self.sum_at_nodes(terms)
+        return cs.Function(name, [*vectors, p, *shared_symbols], [total], [*inputs, "P", *shared], [output])
 
     def _summary(self) -> str:
         measures = "" if self.measures == StrainMeasures() else f", {self.measures}"
@@ -276,77 +276,77 @@ def curvature_at(model: Model, s: float, at: At) -> Any:
     return values[0] + (s - first) / (second - first) * (values[1] - values[0])
 
 
-def axial_strains_near(model: Model, s: float, at: At) -> list[tuple[float, int, Any]]:
+def neighbouring_axial_strains(model: Model, s: float, at: At) -> list[tuple[float, int, Any]]:
     """Return the two elements whose mean axial strains give that at arc length ``s`` (m): weight, number and strain."""
     model.element_at(s)
     middles = (model.beam.node_points[:-1] + model.beam.node_points[1:]) / 2
     index = min(max(int(np.searchsorted(middles, s)) - 1, 0), model.beam.elements - 2)
-    place = float((s - middles[index]) / (middles[index + 1] - middles[index]))
-    found = []
-    for weight, k in ((1.0 - place, index), (place, index + 1)):
+    fraction = float((s - middles[index]) / (middles[index + 1] - middles[index]))
+    strains = []
+    for weight, k in ((1.0 - fraction, index), (fraction, index + 1)):
         slopes = [at(model.slope_interpolation(point)) for point in model.gauss_points(k)]
-        found.append((weight, k, sum(axial_strain(slope, model.measures.axial) for slope in slopes) / 2))
-    return found
+        strains.append((weight, k, sum(axial_strain(slope, model.measures.axial) for slope in slopes) / 2))
+    return strains
 
 
-def lumped_places(beam: Beam, name: str) -> list[int]:
-    """Return the places in ``Beam.lumped`` of what a name stands for; none if the beam does not have it."""
-    together = name == "spring_stiffness"
-    return [k for k, own in enumerate(beam.lumped) if own == name or (together and own.startswith("spring_"))]
+def lumped_indices(beam: Beam, name: str) -> list[int]:
+    """Return the indices in ``Beam.lumped`` of the properties that a name stands for; none if the beam has none."""
+    names = {key for key in beam.lumped if key.startswith("spring_")} if name == "spring_stiffness" else {name}
+    return [k for k, key in enumerate(beam.lumped) if key in names]
 
 
 def property_rows(beam: Beam, name: str, elements: slice = slice(None)) -> Index:
     """Return the rows of a property, or of that of some elements, among all: P row by row, then the lumped ones."""
     if lumped_kind(name):
-        return len(PROPERTIES) * beam.elements + np.array(lumped_places(beam, name), dtype=np.int64)
+        return len(PROPERTIES) * beam.elements + np.array(lumped_indices(beam, name), dtype=np.int64)
     return PROPERTIES.index(name) * beam.elements + np.arange(beam.elements)[elements]
 
 
 def lumped_value(beam: Beam, name: str) -> float:
     """Return a lumped property, the mean of several; 0 if the beam does not have it."""
-    values, places = [*beam.lumped.values()], lumped_places(beam, name)
+    values, places = [*beam.lumped.values()], lumped_indices(beam, name)
     return sum(values[k] for k in places) / len(places) if places else 0.0
 
 
-def changed_model(model: Model, properties: Array) -> Model:
+def model_with_properties(model: Model, properties: Array) -> Model:
     """Return the model with other properties, P row by row, then the lumped ones."""
     rows: Any = properties[: model.properties.size].reshape(model.properties.shape).tolist()
-    given = zip(model.lumped, properties[model.properties.size :].tolist(), strict=True)
-    lumped = {name: number(value, name) for name, value in given}
+    values = zip(model.lumped, properties[model.properties.size :].tolist(), strict=True)
+    lumped = {name: number(value, name) for name, value in values}
     beam = model.beam.with_(**dict(zip(PROPERTIES, rows, strict=True))).with_lumped(lumped)
     if "natural_curvature" in lumped:
-        after = Model(beam)
-        beam = beam.with_(supports=[_in_place(one, model, after) for one in beam.supports])
+        new_model = Model(beam)
+        beam = beam.with_(supports=[_move_support(support, model, new_model) for support in beam.supports])
     return Model(beam, model.measures)
 
 
-def _in_place(support: Support, model: Model, after: Model) -> Support:
-    """Return a support of a beam, ``after``, where it holds another one."""
+def _move_support(support: Support, model: Model, new_model: Model) -> Support:
+    """Return a support of a model, displaced so that it holds a new model in the same place."""
     node = int(np.abs(model.beam.node_points - support.point).argmin())
-    (places, slopes), (others, turns) = model.natural_nodes, after.natural_nodes
-    place, slope, other, turned = places[node], slopes[node], others[node], turns[node]
-    changes: dict[str, Any] = {"displacement": tuple((support.displacement + place - other).tolist())}
+    (places, slopes), (new_places, new_slopes) = model.natural_nodes, new_model.natural_nodes
+    place, slope, new_place, new_slope = places[node], slopes[node], new_places[node], new_slopes[node]
+    changes: dict[str, Any] = {"displacement": tuple((support.displacement + place - new_place).tolist())}
     if isinstance(support, Clamp | Guide):
-        sine, cosine = turned[0] * slope[1] - turned[1] * slope[0], turned @ slope
+        sine, cosine = new_slope[0] * slope[1] - new_slope[1] * slope[0], new_slope @ slope
         changes["rotation"] = support.rotation + math.atan2(sine, cosine)
     return replace(support, **changes)
 
 
 def check_curvature(beam: Beam) -> None:
     """Refuse to estimate the natural curvature of a beam with springs or dashpots away from its beginning."""
-    for one in beam.attachments:
-        if one.point and not isinstance(one, PointMass):
+    for attachment in beam.attachments:
+        if attachment.point and not isinstance(attachment, PointMass):
             raise InputError(
-                f"cannot be estimated for a beam with a {type(one).__name__} at {one.point:g} m: it is free of force "
-                "where the beam is without load, and would move with the curvature",
+                f"cannot be estimated for a beam with a {type(attachment).__name__} at {attachment.point:g} m: it is "
+                "free of force where the beam is without load, and would move with the curvature",
                 "natural_curvature",
             )
 
 
-def _sparse_sum(values: cs.MX, kept: Index, rows: Index, columns: Index, size: int, factors: Array) -> cs.MX:
+def _sparse_sum(values: cs.MX, entry_indices: Index, rows: Index, columns: Index, size: int, factors: Array) -> cs.MX:
     """Return the sparse matrix (size, size) with the sums of entries of ``values``, each times its factor."""
     pairs, target = np.unique(np.column_stack([columns, rows]), axis=0, return_inverse=True)
     pattern = cs.Sparsity.triplet(size, size, pairs[:, 1].tolist(), pairs[:, 0].tolist())
-    places = target.ravel().tolist(), kept.tolist()
-    incidence = cs.DM.triplet(*places, cs.DM(factors), len(pairs), values.numel())
+    indices = target.ravel().tolist(), entry_indices.tolist()
+    incidence = cs.DM.triplet(*indices, cs.DM(factors), len(pairs), values.numel())
     return cs.MX(pattern, incidence @ values)

@@ -81,10 +81,10 @@ class Nodes(Displayed):
         chords = lengths * np.sinc(turn / (2 * np.pi))
         middle = (angles[:-1] + angles[1:]) / 2
         steps = np.column_stack([chords * np.cos(middle), chords * np.sin(middle)])
-        along = np.vstack([np.zeros(2), np.cumsum(steps, axis=0)])
+        positions = np.vstack([np.zeros(2), np.cumsum(steps, axis=0)])
         (ax, ay) = self.beam.axis
         rotation = np.array([[ax, ay], [-ay, ax]])
-        return along @ rotation, np.column_stack([np.cos(angles), np.sin(angles)]) @ rotation
+        return positions @ rotation, np.column_stack([np.cos(angles), np.sin(angles)]) @ rotation
 
     @cached_property
     def straight(self) -> Array:
@@ -121,40 +121,41 @@ class Nodes(Displayed):
     def whole_of_free(self) -> cs.DM:
         """The matrix N, sparse, (size, N)."""
         rows = np.flatnonzero(self.weights)
-        places = rows.tolist(), self.free_of[rows].tolist()
-        return cs.DM.triplet(*places, cs.DM(self.weights[rows]), self.size, self.freedoms)
+        indices = rows.tolist(), self.free_of[rows].tolist()
+        return cs.DM.triplet(*indices, cs.DM(self.weights[rows]), self.size, self.freedoms)
 
     @cached_property
     def _supported(self) -> tuple[Index, Array, Array]:
         """For each coordinate, the number of the free one that moves it, or -1; its weight; and G, (size, 4)."""
         weights, G = np.ones(self.size), np.zeros((self.size, NODE))
         weights[:NODE], G[:NODE] = 0.0, np.eye(NODE)
-        follows = np.arange(self.size)  # the coordinate that stands for the free one
+        leader = np.arange(self.size)  # the coordinate that stands for the free one
         for support in self.beam.supports:
             x, y, first, second = self.nodes_of(support.point)
             if first < NODE:
                 continue
             place, angle = self.straight[[x, y]] + support.displacement, math.atan2(*self.straight[[second, first]])
-            turned = np.array([math.cos(angle + support.angle), math.sin(angle + support.angle)])
+            slope = np.array([math.cos(angle + support.angle), math.sin(angle + support.angle)])
             if support.sliding is None:
-                weights[[x, y]], G[[x, y]] = 0.0, np.hstack([np.eye(2), self._seen_from_axis(place)])
+                weights[[x, y]], G[[x, y]] = 0.0, np.hstack([np.eye(2), self._base_frame_matrix(place)])
             else:
-                along = np.array(support.sliding)
-                across = np.eye(2) - np.outer(along, along)
-                weights[[x, y]], G[[x, y]] = along, across @ np.hstack([np.eye(2), self._seen_from_axis(place)])
-                follows[[x, y]] = x
+                direction = np.array(support.sliding)
+                normal_projector = np.eye(2) - np.outer(direction, direction)
+                weights[[x, y]] = direction
+                G[[x, y]] = normal_projector @ np.hstack([np.eye(2), self._base_frame_matrix(place)])
+                leader[[x, y]] = x
             if not support.turns and not math.isfinite(getattr(support, "stiffness", math.inf)):
-                weights[[first, second]], G[[first, second], 2:] = 0.0, self._seen_from_axis(turned)
-        moving = follows[weights != 0.0]
+                weights[[first, second]], G[[first, second], 2:] = 0.0, self._base_frame_matrix(slope)
+        leaders = leader[weights != 0.0]
         numbers = np.full(self.size, -1)
-        numbers[weights != 0.0] = np.unique(moving, return_inverse=True)[1]
+        numbers[weights != 0.0] = np.unique(leaders, return_inverse=True)[1]
         return numbers, weights, G
 
-    def _seen_from_axis(self, vector: Array) -> Array:
+    def _base_frame_matrix(self, vector: Array) -> Array:
         """Return the matrix (2, 2) that takes the slope of the base to a vector that turns with it."""
         (ax, ay), (x, y) = self.beam.axis, vector.tolist()
-        along, across = ax * x + ay * y, ax * y - ay * x
-        return np.array([[along, -across], [across, along]])
+        cosine, sine = ax * x + ay * y, ax * y - ay * x
+        return np.array([[cosine, -sine], [sine, cosine]])
 
     @cached_property
     def is_selection(self) -> bool:
@@ -185,25 +186,25 @@ class Nodes(Displayed):
         x: Any = values
         symbolic = not isinstance(values, np.ndarray)
         if self.held_at_base_alone:
-            found = x[NODE:, :] if symbolic else x[NODE:]
+            q = x[NODE:, :] if symbolic else x[NODE:]
         elif symbolic:
-            found = self.whole_of_free.T @ x
+            q = self.whole_of_free.T @ x
         else:
-            found, rows = np.zeros((self.freedoms, *x.shape[1:])), np.flatnonzero(self.weights)
-            np.add.at(found, self.free_of[rows], (self.weights[rows] * x[rows].T).T)
-        return cast(V, found)
+            q, rows = np.zeros((self.freedoms, *x.shape[1:])), np.flatnonzero(self.weights)
+            np.add.at(q, self.free_of[rows], (self.weights[rows] * x[rows].T).T)
+        return cast(V, q)
 
     def of_base(self, values: V) -> V:
         """Return G^T x of forces at all nodes, numbers or symbols, (size, ...): their resultant on the base."""
         x: Any = values
         symbolic = not isinstance(values, np.ndarray)
         if self.held_at_base_alone:
-            found = x[:NODE, :] if symbolic else x[:NODE]
+            resultant = x[:NODE, :] if symbolic else x[:NODE]
+        elif symbolic:
+            resultant = cs.sparsify(cs.DM(self.whole_of_base)).T @ x
         else:
-            found = (
-                cs.sparsify(cs.DM(self.whole_of_base)).T @ x if symbolic else np.tensordot(self.whole_of_base.T, x, 1)
-            )
-        return cast(V, found)
+            resultant = np.tensordot(self.whole_of_base.T, x, 1)
+        return cast(V, resultant)
 
     def whole(self, q: V, base: V) -> V:
         """Return e = N q + G b for numbers or symbols: coordinates, velocities or accelerations, (size, ...)."""
@@ -211,18 +212,18 @@ class Nodes(Displayed):
         b: Any = base
         symbolic = not isinstance(q, np.ndarray)
         if self.held_at_base_alone:
-            found = cs.vertcat(b, x) if symbolic else np.concatenate([b, x])
+            e = cs.vertcat(b, x) if symbolic else np.concatenate([b, x])
         elif symbolic:
-            found = self.whole_of_free @ x + cs.sparsify(cs.DM(self.whole_of_base)) @ b
+            e = self.whole_of_free @ x + cs.sparsify(cs.DM(self.whole_of_base)) @ b
         else:
-            found = (self.weights * x[self.free_of].T).T + np.tensordot(self.whole_of_base, b, 1)
-        return cast(V, found)
+            e = (self.weights * x[self.free_of].T).T + np.tensordot(self.whole_of_base, b, 1)
+        return cast(V, e)
 
     def moved(self, q: V) -> V:
         """Return N q for numbers or symbols: a motion of all nodes while the base rests, (size, ...)."""
         x: Any = q
-        none: Any = np.zeros((NODE, *x.shape[1:])) if isinstance(q, np.ndarray) else cs.MX(NODE, x.shape[1])
-        return self.whole(q, cast(V, none))
+        fixed_base: Any = np.zeros((NODE, *x.shape[1:])) if isinstance(q, np.ndarray) else cs.MX(NODE, x.shape[1])
+        return self.whole(q, cast(V, fixed_base))
 
     @cached_property
     def displacement(self) -> Array:
@@ -234,10 +235,10 @@ class Nodes(Displayed):
     def is_held(self) -> bool:
         """True if the supports, without any springs, hold the beam against all rigid motions."""
         nodes = self.straight.reshape(-1, 2).copy()
-        turning = np.column_stack([-nodes[:, 1], nodes[:, 0]]).ravel() / self.scale
-        motions = np.column_stack([np.resize(row, self.size) for row in ([1.0, 0, 0, 0], [0, 1.0, 0, 0])] + [turning])
-        prevented = motions - self.moved(self.of_free(motions))
-        return int(np.linalg.matrix_rank(prevented[NODE * self.root :])) == 3
+        rotation = np.column_stack([-nodes[:, 1], nodes[:, 0]]).ravel() / self.scale
+        motions = np.column_stack([np.resize(row, self.size) for row in ([1.0, 0, 0, 0], [0, 1.0, 0, 0])] + [rotation])
+        held_motions = motions - self.moved(self.of_free(motions))
+        return int(np.linalg.matrix_rank(held_motions[NODE * self.root :])) == 3
 
     def interpolation(self, point: float) -> Array:
         """Return S with r(s) = S e, Eq. (2), for the point at arc length ``point`` (m) from the clamp, (2, 4 n + 4).
@@ -270,7 +271,7 @@ class Nodes(Displayed):
 
         They are relative to those of the beam as manufactured; their difference is the turn of the element.
         """
-        return _end_angles(e, self.root) - _end_angles(self.straight, self.root)
+        return _chord_angles(e, self.root) - _chord_angles(self.straight, self.root)
 
     def element_at(self, point: float) -> int:
         """Return the number, from 0, of the element with the point at arc length ``point`` (m)."""
@@ -292,10 +293,10 @@ class Nodes(Displayed):
         return np.asarray(np.kron(row, np.eye(2)), dtype=np.float64)
 
 
-def _end_angles(e: Array, root: int) -> Array:
+def _chord_angles(e: Array, root: int) -> Array:
     """Return the angles from the slopes at both ends of each element to its chord, (..., n, 2)."""
     nodes = e.reshape(*e.shape[:-1], -1, NODE)[..., root:, :]
     chords = np.diff(nodes[..., :2], axis=-2)[..., None, :]
     slopes = np.stack([nodes[..., :-1, 2:], nodes[..., 1:, 2:]], axis=-2)
-    across = slopes[..., 0] * chords[..., 1] - slopes[..., 1] * chords[..., 0]
-    return np.asarray(np.arctan2(across, (slopes * chords).sum(axis=-1)))
+    cross = slopes[..., 0] * chords[..., 1] - slopes[..., 1] * chords[..., 0]
+    return np.asarray(np.arctan2(cross, (slopes * chords).sum(axis=-1)))

@@ -33,7 +33,7 @@ import casadi as cs
 from ancf_casadi.mechanics.element import ELEMENT_PROPERTIES, Element, derived_element, symbols
 
 
-def _away(e: cs.SX, alpha: cs.SX, beta: cs.SX) -> cs.SX:
+def _relative_position(e: cs.SX, alpha: cs.SX, beta: cs.SX) -> cs.SX:
     """Return d (2,), linear in e = (r_b, tau_b, r, tau)."""
     base, slope, position, _ = cs.vertsplit(e, 2)
     return position - base - alpha * slope - beta * cs.vertcat(-slope[1], slope[0])
@@ -43,16 +43,16 @@ def _away(e: cs.SX, alpha: cs.SX, beta: cs.SX) -> cs.SX:
 def spring() -> Element:
     """Derive the Functions of a spring for e = (r_b, tau_b, r, tau) and p = (alpha, beta, x, y, k)."""
     e, e_t, p = symbols(8, 5)
-    along = cs.dot(_away(e, p[0], p[1]), p[2:4])
-    return derived_element((e, e_t, p), cs.SX([0, 0, 1, 0, 0, 0, 1, 0]), along, p[4])
+    elongation = cs.dot(_relative_position(e, p[0], p[1]), p[2:4])
+    return derived_element((e, e_t, p), cs.SX([0, 0, 1, 0, 0, 0, 1, 0]), elongation, p[4])
 
 
 @cache
 def dashpot() -> Element:
     """Derive the Functions of a dashpot; as ``spring``, with the coefficient c (N s/m) in place of k."""
     e, e_t, p = symbols(8, 5)
-    along = cs.dot(_away(e_t, p[0], p[1]), p[2:4])
-    force = p[4] * cs.gradient(along, e_t) * along
+    elongation_rate = cs.dot(_relative_position(e_t, p[0], p[1]), p[2:4])
+    force = p[4] * cs.gradient(elongation_rate, e_t) * elongation_rate
     return derived_element((e, e_t, p), cs.SX([0, 0, 1, 0, 0, 0, 1, 0]), dashpot=force)
 
 

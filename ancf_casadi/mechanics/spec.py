@@ -34,20 +34,20 @@ Points = Annotated[int, Meta(ge=1, le=9, description="Gauss points")]
 
 
 class LumpedSpec(Spec, frozen=True, tag_field="kind"):
-    """A support or attachment, which a key ``kind`` tells apart; its other keys are the fields of its class."""
+    """A support or attachment of the class that a key ``kind`` names; its other keys are the fields of this class."""
 
-    made: ClassVar[type]
+    described: ClassVar[type]
 
     def object(self) -> Any:
         """Return the support or attachment."""
         values = {name: math.inf if value is None else value for name, value in self.given().items()}
-        return self.made(**values)
+        return self.described(**values)
 
 
 class ClampSpec(LumpedSpec, frozen=True, tag="clamp"):
     """A clamp, which holds position and direction."""
 
-    made = Clamp
+    described = Clamp
 
     point: Point = 0.0
     stiffness: TorsionalStiffness = None
@@ -58,7 +58,7 @@ class ClampSpec(LumpedSpec, frozen=True, tag="clamp"):
 class PinSpec(LumpedSpec, frozen=True, tag="pin"):
     """A hinge, which holds the position."""
 
-    made = Pin
+    described = Pin
 
     point: Point
     displacement: Displacement = (0.0, 0.0)
@@ -67,7 +67,7 @@ class PinSpec(LumpedSpec, frozen=True, tag="pin"):
 class RollerSpec(LumpedSpec, frozen=True, tag="roller"):
     """A roller: the point may slide, and the beam turn."""
 
-    made = Roller
+    described = Roller
 
     point: Point
     direction: Direction = (1.0, 0.0)
@@ -77,7 +77,7 @@ class RollerSpec(LumpedSpec, frozen=True, tag="roller"):
 class GuideSpec(LumpedSpec, frozen=True, tag="guide"):
     """A guide: the point may slide, and the beam does not turn."""
 
-    made = Guide
+    described = Guide
 
     point: Point
     direction: Direction = (1.0, 0.0)
@@ -88,7 +88,7 @@ class GuideSpec(LumpedSpec, frozen=True, tag="guide"):
 class PointMassSpec(LumpedSpec, frozen=True, tag="mass"):
     """A mass at a point."""
 
-    made = PointMass
+    described = PointMass
 
     point: Point
     mass: Annotated[float, Meta(ge=0.0, description="kg")]
@@ -98,7 +98,7 @@ class PointMassSpec(LumpedSpec, frozen=True, tag="mass"):
 class SpringSpec(LumpedSpec, frozen=True, tag="spring"):
     """A spring between a point and the base."""
 
-    made = Spring
+    described = Spring
 
     point: Point
     stiffness: Annotated[AmountPair, Meta(description="along x and y, N/m")]
@@ -107,7 +107,7 @@ class SpringSpec(LumpedSpec, frozen=True, tag="spring"):
 class RotationalSpringSpec(LumpedSpec, frozen=True, tag="rotational_spring"):
     """A torsional spring at a point."""
 
-    made = RotationalSpring
+    described = RotationalSpring
 
     point: Point
     stiffness: Annotated[float, Meta(ge=0.0, description="N m/rad")]
@@ -116,7 +116,7 @@ class RotationalSpringSpec(LumpedSpec, frozen=True, tag="rotational_spring"):
 class DashpotSpec(LumpedSpec, frozen=True, tag="dashpot"):
     """A viscous damper between a point and the base."""
 
-    made = Dashpot
+    described = Dashpot
 
     point: Point
     coefficient: Annotated[AmountPair, Meta(description="along x and y, N s/m")]
@@ -192,29 +192,29 @@ class StrainMeasuresSpec(Spec, frozen=True):
     bending_points: Points
 
 
-def lumped_spec(part: Support | Attachment) -> LumpedSpec:
+def lumped_spec(component: Support | Attachment) -> LumpedSpec:
     """Return the specification of a support or attachment; the stiffness of a rigid clamp is None."""
     kinds = (ClampSpec, PinSpec, RollerSpec, GuideSpec, PointMassSpec, SpringSpec, RotationalSpringSpec, DashpotSpec)
-    (kind,) = (kind for kind in kinds if kind.made is type(part))
-    values = {field.name: getattr(part, field.name) for field in dataclasses.fields(part)}
+    (kind,) = (kind for kind in kinds if kind.described is type(component))
+    values = {field.name: getattr(component, field.name) for field in dataclasses.fields(component)}
     return convert({name: None if value == math.inf else value for name, value in values.items()}, kind)
 
 
 def model_from(beam: BeamSpec, measures: StrainMeasuresSpec, where: str) -> Model:
     """Return the model of a document's beam and strain measures at a place; refuse values that make no beam."""
     with located(place_of(where, ["beam"])):
-        made = beam.beam()
+        beam_object = beam.beam()
     with located(place_of(where, ["strain_measures"])):
-        return Model(made, StrainMeasures(**measures.given()))
+        return Model(beam_object, StrainMeasures(**measures.given()))
 
 
 def _with_objects(arguments: dict[str, Any]) -> dict[str, Any]:
     """Return arguments with supports and attachments in place of their specifications."""
     for name in ("supports", "attachments"):
-        parts = []
+        objects = []
         for k, spec in enumerate(arguments.get(name, ()), start=1):
             with located(f"{name}: {k}"):
-                parts.append(spec.object())
+                objects.append(spec.object())
         if name in arguments:
-            arguments[name] = tuple(parts)
+            arguments[name] = tuple(objects)
     return arguments

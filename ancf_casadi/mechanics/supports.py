@@ -57,7 +57,7 @@ class Support(Displayed):
 
     def __post_init__(self) -> None:
         """Validate."""
-        keep_checked(self, point=checked_point, displacement=sized_vector)
+        keep_checked(self, point=check_point, displacement=sized_vector)
         further = {"rotation": number, "direction": unit_vector, "stiffness": positive_or_infinite}
         keep_checked(self, **{name: check for name, check in further.items() if hasattr(self, name)})
 
@@ -192,7 +192,7 @@ class Guide(Support):
     rotation: float = field(default=0.0, kw_only=True)
 
 
-def checked_point(point: float, where: str = "point") -> float:
+def check_point(point: float, where: str = "point") -> float:
     """Return the arc length of a point, m, 0 or more."""
     point = number(point, where)
     if point < 0.0:
@@ -200,7 +200,7 @@ def checked_point(point: float, where: str = "point") -> float:
     return point
 
 
-def at_first(part: Any, places: Array, rounding: float) -> Any:
-    """Return a support or attachment at the first of the places that only rounding parts from its point."""
-    first = float(places[np.abs(places - part.point) <= rounding][0])
-    return part if first == part.point else replace(part, point=first)
+def snap_to_point(component: Any, places: Array, rounding: float) -> Any:
+    """Return a support or attachment at the first of the places that differs from its point by rounding alone."""
+    first = float(places[np.abs(places - component.point) <= rounding][0])
+    return component if first == component.point else replace(component, point=first)

@@ -46,6 +46,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import casadi as cs
 import numpy as np
@@ -60,11 +61,11 @@ from ancf_casadi.reduction.forces import (
     Expression,
     Projection,
     ReducedMotion,
-    columns_of,
     component_mass,
     mass_factor,
     projected_constants,
-    rows_of,
+    repeat_columns,
+    repeat_rows,
 )
 from ancf_casadi.support.arrays import Array, Index
 from ancf_casadi.vibration.modes import Modes
@@ -92,10 +93,10 @@ class Slopes:
         return np.stack([-y[:, None] * self.rotations, x[:, None] * self.rotations], axis=1)
 
 
-def begins_open(model: Model) -> bool:
+def is_held_at_begin_only(model: Model) -> bool:
     """Return whether one clamp or pin holds the beam at its beginning, undisplaced, and no other support."""
-    own = [(one.point, one.sliding, *one.displacement) for one in model.beam.supports]
-    return own == [(0.0, None, 0.0, 0.0)]
+    supports = [(support.point, support.sliding, *support.displacement) for support in model.beam.supports]
+    return supports == [(0.0, None, 0.0, 0.0)]
 
 
 def nodal_slopes(modes: Modes) -> Slopes:
@@ -103,10 +104,10 @@ def nodal_slopes(modes: Modes) -> Slopes:
     model, beam = modes.model, modes.model.beam
     points = np.interp(np.arange(2 * beam.elements + 1) / 2, np.arange(beam.elements + 1), beam.node_points)
     interpolation = np.array([model.slope_interpolation(s) for s in points.tolist()])
-    rest, change = interpolation @ modes.equilibrium.coordinates, interpolation @ modes.shapes
-    (x, y), square = rest.T, (rest**2).sum(axis=1)
-    rotations = (x[:, None] * change[:, 1] - y[:, None] * change[:, 0]) / square[:, None]
-    strains = (x[:, None] * change[:, 0] + y[:, None] * change[:, 1]) / square[:, None]
+    slopes_at_rest, modal_slopes = interpolation @ modes.equilibrium.coordinates, interpolation @ modes.shapes
+    (x, y), square = slopes_at_rest.T, (slopes_at_rest**2).sum(axis=1)
+    rotations = (x[:, None] * modal_slopes[:, 1] - y[:, None] * modal_slopes[:, 0]) / square[:, None]
+    strains = (x[:, None] * modal_slopes[:, 0] + y[:, None] * modal_slopes[:, 1]) / square[:, None]
     # axial strain per unit rotation; a mode with more is not a bending mode
     axial = np.abs(strains).max(axis=0) > 0.1 * np.abs(rotations).max(axis=0)
     if axial.any():
@@ -128,13 +129,13 @@ def select_points(slopes: Slopes, count: int, rows: Index | None = None) -> Slop
     """Return the slopes at the ``count`` points, or at given ones, that best determine all slopes; more than modes."""
     points, m = slopes.rotations.shape
     # rad, of the slope in a snapshot: root of the sum of squares over the modes
-    largest = 0.8 / np.sqrt(m) / np.abs(slopes.rotations).max(axis=0)
-    q = np.random.default_rng(0).uniform(-1.0, 1.0, (200, m)) * largest  # random bent shapes
+    max_coordinates = 0.8 / np.sqrt(m) / np.abs(slopes.rotations).max(axis=0)
+    q = np.random.default_rng(0).uniform(-1.0, 1.0, (200, m)) * max_coordinates  # random bent shapes
     angles = slopes.angles + q @ slopes.rotations.T
-    bent = np.vstack([slopes.lengths * np.cos(angles), slopes.lengths * np.sin(angles)])
-    first_order = np.concatenate([slopes.at_rest[:, :, None], slopes.jacobian * largest], axis=2).reshape(points, -1)
+    bent_slopes = np.vstack([slopes.lengths * np.cos(angles), slopes.lengths * np.sin(angles)])
+    first_order = np.concatenate([slopes.at_rest[:, :, None], slopes.jacobian * max_coordinates], axis=2)
     # weight of the state at rest and of the first-order motion among the snapshots
-    snapshots = np.column_stack([1e4 * first_order, bent.T])
+    snapshots = np.column_stack([1e4 * first_order.reshape(points, -1), bent_slopes.T])
     basis = scipy.linalg.svd(snapshots, full_matrices=False)[0][:, :count]
     if rows is None:
         rows = np.sort(scipy.linalg.qr(basis.T, pivoting=True, mode="r")[1][:count])
@@ -171,38 +172,38 @@ class SlopeProjection(Projection):
 
 def project_model(modes: Modes, nodal: Slopes, selected: Slopes, drag_points: int) -> SlopeProjection:
     """Project the full model on the modes, by the slopes at all nodes and midpoints and at the selected points."""
-    model, rest = modes.model, modes.equilibrium.coordinates
+    model, coordinates = modes.model, modes.equilibrium.coordinates
     constants = projected_constants(model, selected.shape, drag_points)
     jacobian = np.kron(nodal.shape, np.eye(2)) @ nodal.jacobian.reshape(-1, modes.count)
-    own_mass = selected.shape.T @ component_mass(model) @ selected.shape
-    rounding = 1e-14 * float(own_mass.diagonal().max())  # of a mesh so coarse that it is singular
-    springs, force = constants["springs"], model.elastic_force(rest, model.properties).full().ravel()
+    shape_mass = selected.shape.T @ component_mass(model) @ selected.shape
+    rounding = 1e-14 * float(shape_mass.diagonal().max())  # of a mesh so coarse that it is singular
+    springs, force = constants["springs"], model.elastic_force(coordinates, model.properties).full().ravel()
     at_rest = springs.shape @ selected.at_rest - springs.places
-    rows = [model.nodes_of(one.point)[:2] for one in model.beam.attachments if isinstance(one, Spring)]
+    rows = [model.nodes_of(spring.point)[:2] for spring in model.beam.attachments if isinstance(spring, Spring)]
     np.subtract.at(force, np.array(rows, dtype=int).reshape(-1, 2), springs.coefficients * at_rest)
-    by_springs = float((springs.coefficients * at_rest**2).sum()) / 2
+    spring_energy = float((springs.coefficients * at_rest**2).sum()) / 2
     return SlopeProjection(
         **constants,
-        mass_factor=np.asarray(np.linalg.cholesky(own_mass + rounding * np.eye(len(own_mass))).T),
+        mass_factor=np.asarray(np.linalg.cholesky(shape_mass + rounding * np.eye(len(shape_mass))).T),
         slopes=selected,
         bending_stiffness=_bending_stiffness(model, nodal),
         rest_force=jacobian.T @ force,
-        rest_energy=float(model.strain_energy(rest, model.properties)) - by_springs,
+        rest_energy=float(model.strain_energy(coordinates, model.properties)) - spring_energy,
     )
 
 
 def _bending_stiffness(model: Model, nodal: Slopes) -> Array:
     """Return K_b, the integral of E I Theta'^2, with the torsional springs between beam and base."""
-    beam, across = model.beam, nodal.shape @ nodal.rotations
+    beam, slope_angles = model.beam, nodal.shape @ nodal.rotations
     points = [s for index in range(beam.elements) for s in model.gauss_points(index)]
-    curvature = np.array([model.curvature_interpolation(s)[0, ::2] for s in points]) @ across
+    curvature = np.array([model.curvature_interpolation(s)[0, ::2] for s in points]) @ slope_angles
     width, thickness, _, modulus = model.properties
     stiffness = np.kron(modulus * width * thickness**3 / 12 * beam.element_lengths, gauss(2)[1])
-    turning = [one for one in (*beam.supports, *beam.attachments) if isinstance(one, RotationalSpring)
-               or (isinstance(one, Clamp) and one.stiffness < math.inf)]  # fmt: skip
-    rotation = across[[model.nodes_of(one.point)[2] // 2 for one in turning]]
-    own = np.array([one.stiffness for one in turning])
-    return np.asarray((curvature.T * stiffness) @ curvature + (rotation.T * own) @ rotation)
+    springs: list[Any] = [spring for spring in beam.attachments if isinstance(spring, RotationalSpring)]
+    springs += [clamp for clamp in beam.supports if isinstance(clamp, Clamp) and clamp.stiffness < math.inf]
+    rotation = slope_angles[[model.nodes_of(spring.point)[2] // 2 for spring in springs]]
+    spring_stiffness = np.array([spring.stiffness for spring in springs])
+    return np.asarray((curvature.T * stiffness) @ curvature + (rotation.T * spring_stiffness) @ rotation)
 
 
 @dataclass(frozen=True, eq=False)
@@ -215,16 +216,16 @@ class BendingMotion(ReducedMotion):
     def parts(self) -> tuple[Expression, Expression]:
         """Components of r', each (k,)."""
         slopes = self.projection.slopes
-        turned = cs.DM(slopes.rotations) @ self.q
-        angle = rows_of(self.base[2, :], turned) + columns_of(slopes.angles, turned) + turned
-        lengths = columns_of(slopes.lengths, turned)
+        rotation = cs.DM(slopes.rotations) @ self.q
+        angle = repeat_rows(self.base[2, :], rotation) + repeat_columns(slopes.angles, rotation) + rotation
+        lengths = repeat_columns(slopes.lengths, rotation)
         return lengths * cs.cos(angle), lengths * cs.sin(angle)
 
     @cached_property
     def angular_velocity(self) -> Expression:
         """Angular velocity theta_t of the slopes, (k,), rad/s."""
-        turning = cs.DM(self.projection.slopes.rotations) @ self.v
-        return rows_of(self.base[5, :], turning) + turning
+        rate = cs.DM(self.projection.slopes.rotations) @ self.v
+        return repeat_rows(self.base[5, :], rate) + rate
 
     @property
     def part_rates(self) -> tuple[Expression, Expression]:
@@ -235,9 +236,9 @@ class BendingMotion(ReducedMotion):
     def part_accelerations(self, a: Expression) -> tuple[Expression, Expression]:
         """Return the components of r'_tt at q_tt = a, each (k,)."""
         (x, y), square = self.parts, self.angular_velocity**2
-        turning = cs.DM(self.projection.slopes.rotations) @ a
-        turning += rows_of(self.base[8, :], turning)
-        return -y * turning - x * square, x * turning - y * square
+        acceleration = cs.DM(self.projection.slopes.rotations) @ a
+        acceleration += repeat_rows(self.base[8, :], acceleration)
+        return -y * acceleration - x * square, x * acceleration - y * square
 
     def modal_force(self, x: Expression, y: Expression) -> Expression:
         """Return the modal forces of forces (x, y) on the slopes, (m,)."""
@@ -255,7 +256,7 @@ class BendingMotion(ReducedMotion):
     @property
     def elastic_force(self) -> Expression:
         """f_0 + K_b q, (m,)."""
-        return columns_of(self.projection.rest_force, self.q) + self._bending(self.q)
+        return repeat_columns(self.projection.rest_force, self.q) + self._bending(self.q)
 
     @property
     def strain_energy(self) -> Expression:

@@ -45,14 +45,14 @@ from ancf_casadi.reduction.forces import (
     component_mass,
     mass_factor,
     projected_constants,
-    rotated,
-    rows_of,
+    repeat_rows,
+    rotate_vectors,
 )
 from ancf_casadi.support.arrays import Array, Index
 from ancf_casadi.support.banded import factorised, sparse
 from ancf_casadi.vibration.modes import Modes
 
-MOST_CONDENSED_MODES = 12  # the number of terms of the strain energy grows with the fourth power
+MAX_CONDENSED_MODES = 12  # the number of terms of the strain energy grows with the fourth power
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,18 +67,18 @@ class CondensedProjection(Projection):
 
 def condensed_projection(modes: Modes, drag_points: int) -> CondensedProjection:
     """Return the projection of the full model on its condensed shapes."""
-    model, m, rest = modes.model, modes.count, modes.equilibrium
-    if m > MOST_CONDENSED_MODES:
-        message = f"must be at most {MOST_CONDENSED_MODES} where supports hold the beam beyond its beginning, got {m}"
+    model, m, equilibrium = modes.model, modes.count, modes.equilibrium
+    if m > MAX_CONDENSED_MODES:
+        message = f"must be at most {MAX_CONDENSED_MODES} where supports hold the beam beyond its beginning, got {m}"
         raise InputError(message, "modes")
     pairs = np.array([*itertools.combinations_with_replacement(range(m), 2)])
-    followed = _followed(modes, pairs)
-    twice = pairs[:, 0] != pairs[:, 1]
-    E = np.column_stack([rest.coordinates, modes.shapes, followed * np.where(twice, 1.0, 0.5)])
+    derivatives = _modal_derivatives(modes, pairs)
+    is_mixed = pairs[:, 0] != pairs[:, 1]
+    E = np.column_stack([equilibrium.coordinates, modes.shapes, derivatives * np.where(is_mixed, 1.0, 0.5)])
     shape = np.hstack([E[::2], E[1::2]])
     mass = component_mass(model)[2 * model.root :, 2 * model.root :]
     R = scipy.linalg.qr(np.linalg.cholesky(mass).T @ shape[2 * model.root :], mode="r")[0][: shape.shape[1]]
-    energy, dissipation = _quadratic_forms(modes, pairs, followed)
+    energy, dissipation = _quadratic_forms(modes, pairs, derivatives)
     return CondensedProjection(
         **projected_constants(model, shape, drag_points),
         mass_factor=R,
@@ -89,57 +89,53 @@ def condensed_projection(modes: Modes, drag_points: int) -> CondensedProjection:
     )
 
 
-def _followed(modes: Modes, pairs: Index) -> Array:
+def _modal_derivatives(modes: Modes, pairs: Index) -> Array:
     """Return theta_ij of pairs of modes, (size, p)."""
-    model, rest, shapes = modes.model, modes.equilibrium, modes.shapes
+    model, equilibrium, shapes = modes.model, modes.equilibrium, modes.shapes
     e, i, j = (cs.MX.sym(name, model.size) for name in ("e", "phi_i", "phi_j"))
-    once = cs.jtimes(model.elastic_force(e, model.properties), e, i)
-    second = cs.Function("second", [e, i, j], [cs.jtimes(once, e, j)])
-    force = model.of_free(np.hstack([second(rest.coordinates, *shapes[:, pair].T).full() for pair in pairs]))
-    _, stiffness, mass = rest.structure.linearisation(rest.exact)
-    moved, kept = -factorised(stiffness).solve(force), model.of_free(shapes)
-    return np.asarray(model.moved(moved - kept @ (kept.T @ (sparse(mass) @ moved))))
+    first = cs.jtimes(model.elastic_force(e, model.properties), e, i)
+    second = cs.Function("second", [e, i, j], [cs.jtimes(first, e, j)])
+    force = model.of_free(np.hstack([second(equilibrium.coordinates, *shapes[:, pair].T).full() for pair in pairs]))
+    _, stiffness, mass = equilibrium.structure.linearisation(equilibrium.exact)
+    static, free_shapes = -factorised(stiffness).solve(force), model.of_free(shapes)
+    return np.asarray(model.moved(static - free_shapes @ (free_shapes.T @ (sparse(mass) @ static))))
 
 
-def _quadratic_forms(modes: Modes, pairs: Index, followed: Array) -> tuple[Array, Array]:
+def _quadratic_forms(modes: Modes, pairs: Index, modal_derivatives: Array) -> tuple[Array, Array]:
     """Return W and W_s."""
-    m, place = modes.count, {tuple(pair): k for k, pair in enumerate(pairs.tolist())}
+    m, pair_index = modes.count, {tuple(pair): k for k, pair in enumerate(pairs.tolist())}
     tuples = [*itertools.combinations_with_replacement(range(m), 4)]
-    number: dict[tuple[int, ...], int] = {own: k for k, own in enumerate(tuples)}
-    derivatives, first, second, rest = _derivatives(modes, np.array(tuples), place, followed)
-    one, two, three, four = derivatives
-    times = np.where(pairs[:, 0] == pairs[:, 1], 1.0, 2.0)
+    position: dict[tuple[int, ...], int] = {indices: k for k, indices in enumerate(tuples)}
+    derivatives, first, second, twice_energy = _derivatives(modes, np.array(tuples), pair_index, modal_derivatives)
+    d1, d2, d3, d4 = derivatives
+    multiplicity = np.where(pairs[:, 0] == pairs[:, 1], 1.0, 2.0)
     linear, W = 1 + np.arange(m), np.zeros((1 + m + len(pairs),) * 2)
-    W[0, 0] = rest
+    W[0, 0] = twice_energy
     for i in range(m):
-        W[0, 1 + i] = W[1 + i, 0] = one[number[i, i, i, i]]
-        W[1 + i, linear] = [two[number[(*sorted((i, j)), *(2 * (max(i, j),)))]] for j in range(m)]
-        cubic = [three[number[(*sorted((i, *pair)), max(i, *pair))]] for pair in pairs.tolist()]
-        W[1 + i, 1 + m :] = W[1 + m :, 1 + i] = times * cubic / 6
+        W[0, 1 + i] = W[1 + i, 0] = d1[position[i, i, i, i]]
+        W[1 + i, linear] = [d2[position[(*sorted((i, j)), *(2 * (max(i, j),)))]] for j in range(m)]
+        cubic = [d3[position[(*sorted((i, *pair)), max(i, *pair))]] for pair in pairs.tolist()]
+        W[1 + i, 1 + m :] = W[1 + m :, 1 + i] = multiplicity * cubic / 6
     for k, pair in enumerate(pairs.tolist()):
-        quartic = [four[number[tuple(sorted((*pair, *other)))]] for other in pairs.tolist()]
-        W[1 + m + k, 1 + m :] = times[k] * times * quartic / 12
-    strains = np.column_stack(
-        [
-            np.zeros(len(first)),
-            *(first[:, number[i, i, i, i]] for i in range(m)),
-            *(own / 2 * second[:, number[i, j, j, j]] for own, (i, j) in zip(times, pairs.tolist(), strict=True)),
-        ]
-    )
+        quartic = [d4[position[tuple(sorted((*pair, *other_pair)))]] for other_pair in pairs.tolist()]
+        W[1 + m + k, 1 + m :] = multiplicity[k] * multiplicity * quartic / 12
+    linear_strains = first[:, [position[i, i, i, i] for i in range(m)]]
+    quadratic_strains = multiplicity / 2 * second[:, [position[i, j, j, j] for i, j in pairs.tolist()]]
+    strains = np.hstack([np.zeros((len(first), 1)), linear_strains, quadratic_strains])
     return W, strains.T @ strains
 
 
 def _derivatives(
-    modes: Modes, tuples: Index, place: dict[tuple[int, ...], int], followed: Array
+    modes: Modes, tuples: Index, pair_index: dict[tuple[int, ...], int], modal_derivatives: Array
 ) -> tuple[list[Array], Array, Array, float]:
     """Return derivatives of strain energy and strains on the shapes, without the springs.
 
     For each of the tuples of modes (i, j, k, l), these are the first to fourth derivative of the energy by q_i, q_i q_j
     and so on, (t,), and the first and second of the scaled strains, (strains, t); the last number is twice the energy.
     """
-    model, rest = modes.model, modes.equilibrium.coordinates
-    between = [[place[own] for own in map(tuple, tuples[:, [a, b]].tolist())] for a, b in BETWEEN]
-    energies, first, second, twice = [np.zeros(len(tuples)) for _ in range(4)], [], [], 0.0
+    model, coordinates = modes.model, modes.equilibrium.coordinates
+    pair_columns = [[pair_index[pair] for pair in map(tuple, tuples[:, [a, b]].tolist())] for a, b in BETWEEN]
+    energies, first, second, twice_energy = [np.zeros(len(tuples)) for _ in range(4)], [], [], 0.0
     for group in model.groups:
         if any(name.startswith("spring_") for name in group.lumped):
             continue
@@ -147,13 +143,13 @@ def _derivatives(
         function = _along_shapes(group.element)
         for index, p in zip(group.coordinates, properties.T, strict=True):
             vectors = [modes.shapes[index][:, tuples[:, a]] for a in range(4)]
-            vectors += [followed[index][:, own] for own in between]
-            *own, strain, curvature = function.call([cs.DM(x) for x in (rest[index], *vectors, p)])
-            energies = [total + part.full().ravel() for total, part in zip(energies, own, strict=True)]
+            vectors += [modal_derivatives[index][:, columns] for columns in pair_columns]
+            *terms, strain, curvature = function.call([cs.DM(x) for x in (coordinates[index], *vectors, p)])
+            energies = [total + term.full().ravel() for total, term in zip(energies, terms, strict=True)]
             first.append(strain.full())
             second.append(curvature.full())
-            twice += 2 * float(group.element.strain_energy(rest[index], p))
-    return energies, np.vstack(first), np.vstack(second), twice
+            twice_energy += 2 * float(group.element.strain_energy(coordinates[index], p))
+    return energies, np.vstack(first), np.vstack(second), twice_energy
 
 
 BETWEEN = [*itertools.combinations(range(4), 2)]  # pairs of the four modes of a tuple
@@ -164,17 +160,17 @@ def _along_shapes(element: Element) -> cs.Function:
     """Return (e, phi_i, ..., phi_l, theta_ij, ..., theta_kl, p) -> derivatives of U, then s_i and s_ij, at q = 0."""
     size, properties = element.strain_energy.size1_in(0), element.strain_energy.size1_in(1)
     e, p, q = cs.SX.sym("e", size), cs.SX.sym("p", properties), cs.SX.sym("q", 4)
-    shapes, followed = cs.SX.sym("phi", size, 4), cs.SX.sym("theta", size, len(BETWEEN))
+    shapes, modal_derivatives = cs.SX.sym("phi", size, 4), cs.SX.sym("theta", size, len(BETWEEN))
     products = cs.vertcat(*(q[a] * q[b] for a, b in BETWEEN))
-    strains = element.scaled_strains(e + shapes @ q + followed @ products, p)
-    found, energy = [], cs.sumsqr(strains) / 2
+    strains = element.scaled_strains(e + shapes @ q + modal_derivatives @ products, p)
+    outputs, energy = [], cs.sumsqr(strains) / 2
     for k in range(4):
         energy = cs.jacobian(energy, q[k])
-        found.append(energy)
-    once = cs.jacobian(strains, q[0])
-    found += [once, cs.jacobian(once, q[1])]
-    at_rest = [cs.densify(part) for part in cs.substitute(found, [q], [cs.SX.zeros(4)])]
-    inputs = [e, *cs.horzsplit(shapes), *cs.horzsplit(followed), p]
+        outputs.append(energy)
+    first_strain = cs.jacobian(strains, q[0])
+    outputs += [first_strain, cs.jacobian(first_strain, q[1])]
+    at_rest = [cs.densify(output) for output in cs.substitute(outputs, [q], [cs.SX.zeros(4)])]
+    inputs = [e, *cs.horzsplit(shapes), *cs.horzsplit(modal_derivatives), p]
     return cs.Function("along_shapes", inputs, at_rest, {"cse": True})
 
 
@@ -192,33 +188,33 @@ class CondensedMotion(ReducedMotion):
     @cached_property
     def product_rates(self) -> Expression:
         """z_t, (1 + m + p,)."""
-        return cs.vertcat(cs.DM.zeros(1, self.q.size2()), self.v, self._mixed(self.q, self.v))
+        return cs.vertcat(cs.DM.zeros(1, self.q.size2()), self.v, self._product_rule(self.q, self.v))
 
     @property
     def parts(self) -> tuple[Expression, Expression]:
         """Components of r, each (k,)."""
         z = self.products
-        return self._turned(z, 0 * z, 0 * z, z)
+        return self._rotate(z, 0 * z, 0 * z, z)
 
     @property
     def part_rates(self) -> tuple[Expression, Expression]:
         """Components of r_t, each (k,)."""
         z, z_t = self.products, self.product_rates
-        turning = rows_of(self.base[5, :], z)
-        return self._turned(z_t, -turning * z, turning * z, z_t)
+        turning = repeat_rows(self.base[5, :], z)
+        return self._rotate(z_t, -turning * z, turning * z, z_t)
 
     def part_accelerations(self, a: Expression) -> tuple[Expression, Expression]:
         """Return the components of r_tt at q_tt = a, each (k,)."""
-        z, z_t, turning = self.products, self.product_rates, rows_of(self.base[5, :], self.products)
+        z, z_t, turning = self.products, self.product_rates, repeat_rows(self.base[5, :], self.products)
         squares = 2 * self._first(self.v) * self._second(self.v)
-        z_tt = cs.vertcat(cs.DM.zeros(1, self.q.size2()), a, self._mixed(self.q, a) + squares)
-        along = z_tt - turning**2 * z
-        across = 2 * turning * z_t + rows_of(self.base[8, :], z) * z
-        return self._turned(along, -across, across, along)
+        z_tt = cs.vertcat(cs.DM.zeros(1, self.q.size2()), a, self._product_rule(self.q, a) + squares)
+        radial = z_tt - turning**2 * z
+        transverse = 2 * turning * z_t + repeat_rows(self.base[8, :], z) * z
+        return self._rotate(radial, -transverse, transverse, radial)
 
     def modal_force(self, x: Expression, y: Expression) -> Expression:
         """Return the modal forces of forces (x, y) on the parts, (m,)."""
-        return self._pulled(self._on_products(x, y), self.q, linear=True)
+        return self._project_force(self._on_products(x, y), self.q, linear=True)
 
     @property
     def mass(self) -> Expression:
@@ -226,13 +222,13 @@ class CondensedMotion(ReducedMotion):
         m, first, second = self.q.numel(), cs.DM(self.projection.first), cs.DM(self.projection.second)
         by_q = first * cs.repmat(second @ self.q, 1, m) + second * cs.repmat(first @ self.q, 1, m)
         change = cs.vertcat(cs.DM.zeros(1, m), cs.DM.eye(m), by_q)
-        by_x, by_y = (own @ change for own in cs.horzsplit(mass_factor(self.projection), change.size1()))
+        by_x, by_y = (factor @ change for factor in cs.horzsplit(mass_factor(self.projection), change.size1()))
         return by_x.T @ by_x + by_y.T @ by_y
 
     @property
     def elastic_force(self) -> Expression:
         """(dz/dq)^T W z, (m,)."""
-        return self._pulled(cs.DM(self.projection.energy) @ self.products, self.q, linear=True)
+        return self._project_force(cs.DM(self.projection.energy) @ self.products, self.q, linear=True)
 
     @property
     def strain_energy(self) -> Expression:
@@ -242,13 +238,13 @@ class CondensedMotion(ReducedMotion):
     @property
     def strain_rate(self) -> Expression:
         """(dz/dq)^T W_s z_t, (m,)."""
-        return self._pulled(cs.DM(self.projection.dissipation) @ self.product_rates, self.q, linear=True)
+        return self._project_force(cs.DM(self.projection.dissipation) @ self.product_rates, self.q, linear=True)
 
     def tangent_rate(self, x: Expression, y: Expression) -> Expression:
         """Return the rate of the elastic force less that of dz/dq under the forces (x, y) on the parts, (m,)."""
         W, z, z_t = cs.DM(self.projection.energy), self.products, self.product_rates
-        changed = self._pulled(W @ z - self._on_products(x, y), self.v, linear=False)
-        return self._pulled(W @ z_t, self.q, linear=True) + changed
+        geometric = self._project_force(W @ z - self._on_products(x, y), self.v, linear=False)
+        return self._project_force(W @ z_t, self.q, linear=True) + geometric
 
     def _first(self, q: Expression) -> Expression:
         """Return q_i of each product q_i q_j."""
@@ -258,26 +254,26 @@ class CondensedMotion(ReducedMotion):
         """Return q_j of each product q_i q_j."""
         return cs.sparsify(cs.DM(self.projection.second)) @ q
 
-    def _mixed(self, q: Expression, v: Expression) -> Expression:
+    def _product_rule(self, q: Expression, v: Expression) -> Expression:
         """Return q_i v_j + v_i q_j of each product."""
         return self._first(q) * self._second(v) + self._first(v) * self._second(q)
 
-    def _pulled(self, y: Expression, q: Expression, *, linear: bool) -> Expression:
+    def _project_force(self, y: Expression, q: Expression, *, linear: bool) -> Expression:
         """Return (dz/dq)^T y, or its part that is linear in q alone."""
         m, first, second = q.size1(), self.projection.first, self.projection.second
-        on_pairs = y[1 + m :, :]
-        by_pairs = cs.sparsify(cs.DM(first.T)) @ (self._second(q) * on_pairs)
-        by_pairs += cs.sparsify(cs.DM(second.T)) @ (self._first(q) * on_pairs)
-        return y[1 : 1 + m, :] + by_pairs if linear else by_pairs
+        pair_forces = y[1 + m :, :]
+        force = cs.sparsify(cs.DM(first.T)) @ (self._second(q) * pair_forces)
+        force += cs.sparsify(cs.DM(second.T)) @ (self._first(q) * pair_forces)
+        return y[1 : 1 + m, :] + force if linear else force
 
-    def _turned(
+    def _rotate(
         self, x: Expression, x_of_y: Expression, y_of_x: Expression, y: Expression
     ) -> tuple[Expression, Expression]:
         """Return components (x, x_of_y) and (y_of_x, y) in the frame of the base, turned by phi."""
-        return rotated(self.base[2, :], cs.vertcat(x, x_of_y), cs.vertcat(y_of_x, y))
+        return rotate_vectors(self.base[2, :], cs.vertcat(x, x_of_y), cs.vertcat(y_of_x, y))
 
     def _on_products(self, x: Expression, y: Expression) -> Expression:
         """Return the forces on the products of forces (x, y) on the parts."""
-        back_x, back_y = rotated(-self.base[2, :], x, y)
+        back_x, back_y = rotate_vectors(-self.base[2, :], x, y)
         count = back_x.size1() // 2
         return back_x[:count, :] + back_y[count:, :]

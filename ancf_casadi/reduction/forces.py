@@ -53,8 +53,8 @@ BASE_SIZE = 9  # displacement (x, y) and rotation of the clamp, their velocities
 
 
 @dataclass(frozen=True, eq=False)
-class Joined:
-    """Points of the beam that springs or dashpots join to the base."""
+class BaseJoints:
+    """Points of the beam that springs or dashpots connect to the base."""
 
     shape: Array  # from the parts to the positions of the points, (d, k)
     places: Array  # of the points without load, which the base keeps as it turns, (d, 2), m
@@ -72,8 +72,8 @@ class Projection:
     lumped_shape: Array  # from the parts to the coordinates of point masses and rotary inertias, (l, k)
     lumped_mass: Array  # of these coordinates, which have no drag, (l,), kg or kg m^2
     lumped_moved: Array  # 1 for a position, which the base displaces, and 0 for a slope, (l,)
-    springs: Joined
-    dashpots: Joined
+    springs: BaseJoints
+    dashpots: BaseJoints
     drag_shape: Array  # from the parts to the positions of the drag points, (d, k)
     drag_mass: Array  # at each of these points, (d,), kg
 
@@ -140,7 +140,7 @@ class ReducedMotion(ABC):
         """Return u + P (x, y) at all nodes, (size, N): e from the parts and u, or e_t or e_tt from their rates."""
         shape = cs.DM(self.projection.shape)
         position = cs.repmat(cs.DM([1.0, 0.0]), shape.size1() // 2, 1)
-        rows = (cs.vec(shape @ part + position @ base[k, :]).T for k, part in enumerate((x, y)))
+        rows = (cs.vec(shape @ component + position @ base[k, :]).T for k, component in enumerate((x, y)))
         return cs.reshape(cs.vertcat(*rows), 2 * shape.size1(), base.size2())
 
     def inertia(self, x: Expression, y: Expression) -> Expression:
@@ -154,7 +154,7 @@ class ReducedMotion(ABC):
         moment, mass = cs.DM(self.projection.mass_moment), self.projection.total_mass
         inertia = self.inertia(x_tt, y_tt) - self.modal_force(moment @ gravity[0, :], moment @ gravity[1, :])
         modal = inertia + self.elastic_force
-        modal += self._joined_force(self.projection.springs, *self._away(self.projection.springs))
+        modal += self._joint_force(self.projection.springs, *self._elongations(self.projection.springs))
         return cs.vertcat(modal, moment.T @ x_tt - mass * gravity[0, :], moment.T @ y_tt - mass * gravity[1, :])
 
     def load_force(self, load: Expression, position: Array, slope: Array) -> Expression:
@@ -174,22 +174,22 @@ class ReducedMotion(ABC):
         position, velocity = cs.vertcat(self.q, self.base[:2, :]), cs.vertcat(self.v, self.base[3:5, :])
         local = law.local_force(self, position, velocity, properties, parameters)
         dashpots = self.projection.dashpots
-        resisted = _without_resultant(self._joined_force(dashpots, *self._away_velocity(dashpots)))
-        return local + self._low_rank_damping(law, parameters, model) + resisted
+        dashpot_force = _internal_force(self._joint_force(dashpots, *self._elongation_rates(dashpots)))
+        return local + self._low_rank_damping(law, parameters, model) + dashpot_force
 
     @property
     def energies(self) -> tuple[Expression, Expression, Expression]:
         """Kinetic energy, strain energy and potential of gravity, J."""
         projection, u, u_t = self.projection, self.base[:2], self.base[3:5]
-        parts, velocity = cs.horzcat(*self.parts), cs.horzcat(*self.part_rates)
+        shape_coordinates, velocity = cs.horzcat(*self.parts), cs.horzcat(*self.part_rates)
         moment, mass = cs.DM(projection.mass_moment), projection.total_mass
-        relative = cs.sumsqr(mass_factor(projection) @ velocity) / 2
-        away = cs.horzcat(*self._away(projection.springs))
-        springs = cs.dot(cs.DM(projection.springs.coefficients) * away, away) / 2
+        relative_energy = cs.sumsqr(mass_factor(projection) @ velocity) / 2
+        elongations = cs.horzcat(*self._elongations(projection.springs))
+        spring_energy = cs.dot(cs.DM(projection.springs.coefficients) * elongations, elongations) / 2
         return (
-            relative + mass / 2 * cs.sumsqr(u_t) + cs.dot(u_t, velocity.T @ moment),
-            self.strain_energy + springs,
-            -cs.dot(self.gravity, parts.T @ moment + mass * u),
+            relative_energy + mass / 2 * cs.sumsqr(u_t) + cs.dot(u_t, velocity.T @ moment),
+            self.strain_energy + spring_energy,
+            -cs.dot(self.gravity, shape_coordinates.T @ moment + mass * u),
         )
 
     @property
@@ -208,21 +208,21 @@ class ReducedMotion(ABC):
     def line_inertia_force(self, v: Expression, properties: Expression) -> Expression:
         """Return the force of int S^T mu r_t dp, which excludes point masses and rotary inertias."""
         projection = self.projection
-        shape, moved = projection.lumped_shape, projection.lumped_moved
-        x, y = self._velocities(shape, moved, v)
-        mass = columns_of(projection.lumped_mass, x)
-        return self.inertia_force(v, properties) - self._of_points(shape, mass * x, mass * y, moved)
+        shape, displaced = projection.lumped_shape, projection.lumped_moved
+        x, y = self._velocities(shape, displaced, v)
+        mass = repeat_columns(projection.lumped_mass, x)
+        return self.inertia_force(v, properties) - self._point_forces(shape, mass * x, mass * y, displaced)
 
     def strain_rate_force(self, q: Expression, v: Expression, properties: Expression) -> Expression:
         """Return the force of Q_v in bending, K_b q_t, and in the springs."""
-        return _without_resultant(self.strain_rate + self._spring_rate)
+        return _internal_force(self.strain_rate + self._spring_rate)
 
     def tangent_force(self, q: Expression, v: Expression, properties: Expression) -> Expression:
         """Return the force of K e_t, under the tension due to gravity, the acceleration of the base and the springs."""
         gravity, springs = self.relative_gravity, self.projection.springs
-        moment, pulled = cs.DM(self.projection.mass_moment), self._on_parts(springs, *self._away(springs))
-        rate = self.tangent_rate(moment @ gravity[0, :] - pulled[0], moment @ gravity[1, :] - pulled[1])
-        return _without_resultant(rate + self._spring_rate)
+        moment, spring_force = cs.DM(self.projection.mass_moment), self._on_parts(springs, *self._elongations(springs))
+        rate = self.tangent_rate(moment @ gravity[0, :] - spring_force[0], moment @ gravity[1, :] - spring_force[1])
+        return _internal_force(rate + self._spring_rate)
 
     def reference_force(self, v: Expression, properties: Expression) -> Expression:
         """Refuse K e_t with K of the straight beam, which the reduced model does not have."""
@@ -247,58 +247,62 @@ class ReducedMotion(ABC):
         B, angle = law.projection(model), self.base[2, :]
         slopes = [cs.DM(self.projection.shape.T @ B[component::2]) for component in (0, 1)]
         clamp = [cs.DM(B[component::4].sum(axis=0)) for component in (0, 1)]
-        slope_velocity = rotated(-angle, *self.part_rates)
-        clamp_velocity = rotated(-angle, self.base[3, :], self.base[4, :])
+        slope_velocity = rotate_vectors(-angle, *self.part_rates)
+        clamp_velocity = rotate_vectors(-angle, self.base[3, :], self.base[4, :])
         x, y = (slopes[c].T @ slope_velocity[c] + clamp[c] @ clamp_velocity[c] for c in (0, 1))
         force = cs.repmat(d, 1, x.size2()) * (x + y)
-        modal = self.modal_force(*rotated(angle, slopes[0] @ force, slopes[1] @ force))
-        return cs.vertcat(modal, *rotated(angle, clamp[0].T @ force, clamp[1].T @ force))
+        modal = self.modal_force(*rotate_vectors(angle, slopes[0] @ force, slopes[1] @ force))
+        return cs.vertcat(modal, *rotate_vectors(angle, clamp[0].T @ force, clamp[1].T @ force))
 
     def _surface_force(self, v: Expression, factor: Callable[[Expression], Expression]) -> Expression:
         """Return the force of int S^T mu f(|v|^2) v dp."""
         projection = self.projection
-        moved = np.ones(len(projection.drag_mass))
-        x, y = self._velocities(projection.drag_shape, moved, v)
-        weight = columns_of(projection.drag_mass, x) * factor(x**2 + y**2)
-        return self._of_points(projection.drag_shape, weight * x, weight * y, moved)
+        displaced = np.ones(len(projection.drag_mass))
+        x, y = self._velocities(projection.drag_shape, displaced, v)
+        weight = repeat_columns(projection.drag_mass, x) * factor(x**2 + y**2)
+        return self._point_forces(projection.drag_shape, weight * x, weight * y, displaced)
 
-    def _velocities(self, shape: Array, moved: Array, v: Expression) -> tuple[Expression, Expression]:
-        """Return the rates (d,) of the coordinates ``shape`` (d, k) times r, plus u_t of v for those moved (d,)."""
-        x, y = (cs.DM(shape) @ part for part in self.part_rates)
-        return x + cs.DM(moved) @ v[-2, :], y + cs.DM(moved) @ v[-1, :]
+    def _velocities(self, shape: Array, displaced: Array, v: Expression) -> tuple[Expression, Expression]:
+        """Return the rates (d,) of the coordinates ``shape`` (d, k) times r, plus u_t of v for those ``displaced``."""
+        x, y = (cs.DM(shape) @ component for component in self.part_rates)
+        return x + cs.DM(displaced) @ v[-2, :], y + cs.DM(displaced) @ v[-1, :]
 
-    def _of_points(self, shape: Array, x: Expression, y: Expression, moved: Array) -> Expression:
-        """Return the force of forces (x, y) on such coordinates."""
+    def _point_forces(self, shape: Array, x: Expression, y: Expression, displaced: Array) -> Expression:
+        """Return the generalized force of forces (x, y) on the coordinates ``shape`` (d, k) times r."""
         modal = self.modal_force(cs.DM(shape.T) @ x, cs.DM(shape.T) @ y)
-        return cs.vertcat(modal, cs.DM(moved).T @ x, cs.DM(moved).T @ y)
+        return cs.vertcat(modal, cs.DM(displaced).T @ x, cs.DM(displaced).T @ y)
 
-    def _away(self, joined: Joined) -> tuple[Expression, Expression]:
-        """Return the ways of points from their places on the base, (d,)."""
-        x, y = (cs.DM(joined.shape) @ part for part in self.parts)
-        place_x, place_y = rotated(self.base[2, :], *(columns_of(part, x) for part in joined.places.T))
+    def _elongations(self, joints: BaseJoints) -> tuple[Expression, Expression]:
+        """Return the displacements of points from their places on the base, (d,)."""
+        x, y = (cs.DM(joints.shape) @ component for component in self.parts)
+        place_x, place_y = rotate_vectors(
+            self.base[2, :], *(repeat_columns(component, x) for component in joints.places.T)
+        )
         return x - place_x, y - place_y
 
-    def _away_velocity(self, joined: Joined) -> tuple[Expression, Expression]:
-        """Return the rates of these ways, (d,)."""
-        x, y = (cs.DM(joined.shape) @ part for part in self.part_rates)
-        turning = rows_of(self.base[5, :], x)
-        place_x, place_y = rotated(self.base[2, :], *(columns_of(part, x) for part in joined.places.T))
-        return x + turning * place_y, y - turning * place_x
+    def _elongation_rates(self, joints: BaseJoints) -> tuple[Expression, Expression]:
+        """Return the rates of these displacements, (d,)."""
+        x, y = (cs.DM(joints.shape) @ component for component in self.part_rates)
+        angular_velocity = repeat_rows(self.base[5, :], x)
+        place_x, place_y = rotate_vectors(
+            self.base[2, :], *(repeat_columns(component, x) for component in joints.places.T)
+        )
+        return x + angular_velocity * place_y, y - angular_velocity * place_x
 
-    def _on_parts(self, joined: Joined, x: Expression, y: Expression) -> tuple[Expression, Expression]:
-        """Return the forces on the parts, (k,), of springs or dashpots for such ways or rates."""
-        back, (along_x, along_y) = cs.DM(joined.shape.T), joined.coefficients.T
-        return back @ (columns_of(along_x, x) * x), back @ (columns_of(along_y, y) * y)
+    def _on_parts(self, joints: BaseJoints, x: Expression, y: Expression) -> tuple[Expression, Expression]:
+        """Return the forces on the parts, (k,), of springs or dashpots for such displacements or rates."""
+        transfer, (along_x, along_y) = cs.DM(joints.shape.T), joints.coefficients.T
+        return transfer @ (repeat_columns(along_x, x) * x), transfer @ (repeat_columns(along_y, y) * y)
 
-    def _joined_force(self, joined: Joined, x: Expression, y: Expression) -> Expression:
-        """Return the modal forces of springs or dashpots for such ways or rates, (m,)."""
-        return self.modal_force(*self._on_parts(joined, x, y))
+    def _joint_force(self, joints: BaseJoints, x: Expression, y: Expression) -> Expression:
+        """Return the modal forces of springs or dashpots for such displacements or rates, (m,)."""
+        return self.modal_force(*self._on_parts(joints, x, y))
 
     @property
     def _spring_rate(self) -> Expression:
         """The force of the springs in proportion to the rates of their lengths, (m,)."""
         springs = self.projection.springs
-        return self._joined_force(springs, *self._away_velocity(springs))
+        return self._joint_force(springs, *self._elongation_rates(springs))
 
 
 def mass_factor(projection: Projection) -> cs.DM:
@@ -306,24 +310,24 @@ def mass_factor(projection: Projection) -> cs.DM:
     return cs.sparsify(cs.DM(projection.mass_factor))
 
 
-def rotated(angle: Expression, x: Expression, y: Expression) -> tuple[Expression, Expression]:
+def rotate_vectors(angle: Expression, x: Expression, y: Expression) -> tuple[Expression, Expression]:
     """Return the components of vectors rotated by the angle of each instant."""
-    cosine, sine = rows_of(cs.cos(angle), x), rows_of(cs.sin(angle), x)
+    cosine, sine = repeat_rows(cs.cos(angle), x), repeat_rows(cs.sin(angle), x)
     return cosine * x - sine * y, sine * x + cosine * y
 
 
-def rows_of(row: Expression, like: Expression) -> Expression:
+def repeat_rows(row: Expression, pattern: Expression) -> Expression:
     """Return a row repeated for each row of another expression."""
-    return cs.repmat(row, like.size1(), 1)
+    return cs.repmat(row, pattern.size1(), 1)
 
 
-def columns_of(column: Array, like: Expression) -> cs.DM:
+def repeat_columns(column: Array, pattern: Expression) -> cs.DM:
     """Return a column repeated for each column of an expression."""
-    return cs.repmat(cs.DM(column), 1, like.size2())
+    return cs.repmat(cs.DM(column), 1, pattern.size2())
 
 
-def _without_resultant(modal: Expression) -> Expression:
-    """Return an internal force, whose resultant is zero."""
+def _internal_force(modal: Expression) -> Expression:
+    """Append the zero resultant of an internal force to its modal forces, (m + 2,)."""
     return cs.vertcat(modal, type(modal).zeros(2, modal.size2()))
 
 
@@ -339,8 +343,8 @@ def projected_constants(model: Model, shape: Array, drag_points: int) -> dict[st
         "lumped_shape": shape[[row for row, _ in lumped]],
         "lumped_mass": np.array([value for _, value in lumped]),
         "lumped_moved": np.array([1.0 - row % 2 for row, _ in lumped]),
-        "springs": _joined(model, shape, Spring, "stiffness"),
-        "dashpots": _joined(model, shape, Dashpot, "coefficient"),
+        "springs": _base_joints(model, shape, Spring, "stiffness"),
+        "dashpots": _base_joints(model, shape, Dashpot, "coefficient"),
         "drag_shape": np.array([model.interpolation(float(s))[0, ::2] for s in points * model.beam.length]) @ shape,
         "drag_mass": _point_masses(model, points, weights),
     }
@@ -353,27 +357,27 @@ def component_mass(model: Model) -> Array:
 
 def _lumped_rows(model: Model) -> list[tuple[int, float]]:
     """Return the rows, in one component of the coordinates, of point masses and rotary inertias, with their values."""
-    masses = [one for one in model.beam.attachments if isinstance(one, PointMass)]
-    values = [(model.nodes_of(one.point)[2 * k] // 2, value) for one in masses
-              for k, value in enumerate((one.mass, one.rotary_inertia)) if value]  # fmt: skip
+    masses = [mass for mass in model.beam.attachments if isinstance(mass, PointMass)]
+    values = [(model.nodes_of(mass.point)[2 * k] // 2, value) for mass in masses
+              for k, value in enumerate((mass.mass, mass.rotary_inertia)) if value]  # fmt: skip
     return [(int(row), value) for row, value in values]
 
 
-def _joined(model: Model, shape: Array, kind: type[Spring | Dashpot], attribute: str) -> Joined:
+def _base_joints(model: Model, shape: Array, kind: type[Spring | Dashpot], attribute: str) -> BaseJoints:
     """Return the points that attachments of a kind join to the base."""
-    own = [one for one in model.beam.attachments if isinstance(one, kind)]
-    nodes = np.array([model.nodes_of(one.point)[:2] for one in own], dtype=int).reshape(-1, 2)
-    values = np.array([getattr(one, attribute) for one in own]).reshape(-1, 2)
-    return Joined(shape[nodes[:, 0] // 2], model.straight[nodes], values)
+    attachments = [attachment for attachment in model.beam.attachments if isinstance(attachment, kind)]
+    nodes = np.array([model.nodes_of(attachment.point)[:2] for attachment in attachments], dtype=int).reshape(-1, 2)
+    values = np.array([getattr(attachment, attribute) for attachment in attachments]).reshape(-1, 2)
+    return BaseJoints(shape[nodes[:, 0] // 2], model.straight[nodes], values)
 
 
 def _point_masses(model: Model, points: Array, weights: Array) -> Array:
     """Return masses at points of [0, 1] that integrate polynomials over the mass of the elements, (d,), kg."""
     beam, degree = model.beam, len(points) - 1
     width, thickness, density, _ = model.properties
-    own_points, own_weights = gauss(degree // 2 + 1)
-    within = (beam.node_points[:-1, None] + beam.element_lengths[:, None] * own_points) / beam.length
-    masses = (width * thickness * density * beam.element_lengths)[:, None] * own_weights
+    element_points, element_weights = gauss(degree // 2 + 1)
+    mass_points = (beam.node_points[:-1, None] + beam.element_lengths[:, None] * element_points) / beam.length
+    masses = (width * thickness * density * beam.element_lengths)[:, None] * element_weights
     legendre = np.polynomial.legendre.legvander
-    moments = masses.ravel() @ legendre(2 * within.ravel() - 1, degree)
+    moments = masses.ravel() @ legendre(2 * mass_points.ravel() - 1, degree)
     return np.asarray(weights * (legendre(2 * points - 1, degree) @ (moments * (2 * np.arange(degree + 1) + 1))))

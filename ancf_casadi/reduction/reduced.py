@@ -50,7 +50,7 @@ from ancf_casadi.mechanics.model import Model
 from ancf_casadi.reduction.bending import (
     BendingMotion,
     SlopeProjection,
-    begins_open,
+    is_held_at_begin_only,
     nodal_slopes,
     project_model,
     select_points,
@@ -62,11 +62,11 @@ from ancf_casadi.support.inputs import check_instance, numbers, whole
 from ancf_casadi.support.interrupts import lasting_interrupts
 from ancf_casadi.support.tables import counted
 from ancf_casadi.vibration.assembly import Structure
-from ancf_casadi.vibration.equilibrium import Equilibrium, neighbour
+from ancf_casadi.vibration.equilibrium import Equilibrium, neighbouring_equilibrium
 from ancf_casadi.vibration.modes import Modes, natural_modes
 from ancf_casadi.vibration.statics import static_equilibrium
 
-MOST_DRAG_POINTS = 100
+MAX_DRAG_POINTS = 100
 BASE_INSTANTS = 3  # instants of a step at which the base motion enters: start, middle, end
 
 
@@ -218,28 +218,28 @@ def reduce_model(
     check_instance(damping, "damping", DampingLaw, NoneType)
     law = RayleighDamping() if damping is None else damping
     if not isinstance(modes, Modes):
-        rest = static_equilibrium(model, loads=law.loads(model.beam))
-        modes = natural_modes(model, count=whole(modes, "modes", 1, model.freedoms), equilibrium=rest)
+        equilibrium = static_equilibrium(model, loads=law.loads(model.beam))
+        modes = natural_modes(model, count=whole(modes, "modes", 1, model.freedoms), equilibrium=equilibrium)
     if modes.model != model:
         raise InputError("belong to another model", "modes")
     if not modes.frequencies[0]:
         raise InputError("mode 1 is a motion without bending, which nothing holds; add a support or a spring", "modes")
-    m, usual = modes.count, min(4 * modes.count + 4, MOST_DRAG_POINTS)
-    drag_points = usual if drag_points is None else whole(drag_points, "drag_points", 1, MOST_DRAG_POINTS)
-    most = 2 * model.beam.elements + 1 + model.root
+    m, default_drag_points = modes.count, min(4 * modes.count + 4, MAX_DRAG_POINTS)
+    drag_points = default_drag_points if drag_points is None else whole(drag_points, "drag_points", 1, MAX_DRAG_POINTS)
+    max_slope_points = 2 * model.beam.elements + 1 + model.root
     if slope_points is None:
-        slope_points = min(2 * m + 2, most)
-    elif begins_open(model):
-        slope_points = whole(slope_points, "slope_points", m + 1, most)
+        slope_points = min(2 * m + 2, max_slope_points)
+    elif is_held_at_begin_only(model):
+        slope_points = whole(slope_points, "slope_points", m + 1, max_slope_points)
     else:
         raise InputError("have no meaning where supports hold the beam beyond its beginning", "slope_points")
-    projection = _projected(modes, drag_points, slope_points)
-    return _assembled(Reduction(modes, law, projection), numbers(markers, "markers"))
+    projection = _project_modes(modes, drag_points, slope_points)
+    return _assemble_model(Reduction(modes, law, projection), numbers(markers, "markers"))
 
 
-def _projected(modes: Modes, drag_points: int, slope_points: int, rows: Index | None = None) -> Projection:
+def _project_modes(modes: Modes, drag_points: int, slope_points: int, rows: Index | None = None) -> Projection:
     """Return the constants of a beam, with slopes at a number of points or at given ones if it does not stretch."""
-    if not begins_open(modes.model):
+    if not is_held_at_begin_only(modes.model):
         return condensed_projection(modes, drag_points)
     nodal = nodal_slopes(modes)
     return project_model(modes, nodal, select_points(nodal, slope_points, rows), drag_points)
@@ -255,14 +255,16 @@ def reduced_motion(
     return BendingMotion(projection, q, v, base, gravity)
 
 
-def rebuilt(first: Reduction, model: Model) -> Reduction:
-    """Return the reduction of a beam with other properties, of the size and at the points of a first one."""
-    loads, drag_points = first.law.loads(model.beam), len(first.projection.drag_mass)
-    rest = neighbour(Structure.of(model, loads), first.modes.equilibrium.exact)
-    equilibrium = None if rest is None else Equilibrium(model, rest.coordinates, remainder=rest.remainder, loads=loads)
-    modes = natural_modes(model, count=first.count, equilibrium=equilibrium)
-    rows = first.projection.slopes.rows if isinstance(first.projection, SlopeProjection) else np.empty(0, int)
-    return Reduction(modes, first.law, _projected(modes, drag_points, len(rows), rows))
+def rebuild_reduction(reduction: Reduction, model: Model) -> Reduction:
+    """Return the reduction of a beam with other properties, with as many modes and the same points."""
+    loads, drag_points = reduction.law.loads(model.beam), len(reduction.projection.drag_mass)
+    position = neighbouring_equilibrium(Structure.of(model, loads), reduction.modes.equilibrium.exact)
+    equilibrium = None
+    if position is not None:
+        equilibrium = Equilibrium(model, position.coordinates, remainder=position.remainder, loads=loads)
+    modes = natural_modes(model, count=reduction.count, equilibrium=equilibrium)
+    rows = reduction.projection.slopes.rows if isinstance(reduction.projection, SlopeProjection) else np.empty(0, int)
+    return Reduction(modes, reduction.law, _project_modes(modes, drag_points, len(rows), rows))
 
 
 def reduced_parameters(reduced: Reduction) -> tuple[Signal, ...]:
@@ -271,7 +273,7 @@ def reduced_parameters(reduced: Reduction) -> tuple[Signal, ...]:
     return *signals[:2], *signals[2 + reduced.model.properties.size :]  # without the properties of the elements
 
 
-def _assembled(reduced: Reduction, markers: Sequence[float]) -> ReducedModel:
+def _assemble_model(reduced: Reduction, markers: Sequence[float]) -> ReducedModel:
     """Return the reduced model with its Functions."""
     modes, law, projection, parameters = reduced.modes, reduced.law, reduced.projection, reduced_parameters(reduced)
     model, m = modes.model, modes.count

@@ -39,7 +39,7 @@ from ancf_casadi.vibration.equilibrium import Equilibrium
 
 STEPS_PER_PERIOD = 20
 STEPS_PER_CALL = 1000  # steps per call of a CasADi Function, which nothing interrupts
-MOST_REDUCED_STEPS = 100_000_000
+MAX_REDUCED_STEPS = 100_000_000
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,7 +112,7 @@ class ReducedTrajectory(Motion):
     def energy(self) -> Array:
         """Kinetic energy, strain energy and potential of gravity, (k, 3), J."""
         values = np.tile(self.reduced.values[:, None], len(self.time))
-        return np.vstack([part.full() for part in self.reduced.energies(self.q.T, self.v.T, self.base.T, values)]).T
+        return np.vstack([energy.full() for energy in self.reduced.energies(self.q.T, self.v.T, self.base.T, values)]).T
 
     def state(self, index: int) -> State:
         """Return the state of the full model at a sample, as a start for a simulation; see ``Trajectory.state``."""
@@ -174,24 +174,24 @@ def simulate_reduced(
     )
     state, instants, length = setup.start, setup.times, float(np.ptp(setup.times))
     per_second = float(reduced.modes.frequencies[-1]) * positive(steps_per_period, "steps_per_period")
-    if length * per_second > MOST_REDUCED_STEPS:
+    if length * per_second > MAX_REDUCED_STEPS:
         raise InputError(
-            f"makes {length * per_second:.1e} steps, more than {MOST_REDUCED_STEPS:.0e}", "steps_per_period"
+            f"makes {length * per_second:.1e} steps, more than {MAX_REDUCED_STEPS:.0e}", "steps_per_period"
         )
     advance = _stepper(reduced, length)
-    keeps_direction = any(one.sliding for one in reduced.model.beam.supports)
+    keeps_direction = any(support.sliding for support in reduced.model.beam.supports)
 
     samples: list[Array] = []  # of (q, v)
-    clamps: list[Array] = []  # motion of the clamp at these samples
-    steps, taken = 0, 0
+    clamp_motions: list[Array] = []  # motion of the clamp at these samples
+    steps, sampled_count = 0, 0
     for piece in setup.pieces:
         clamp = piece.clamp
         count = int(np.searchsorted(instants, piece.end, side="right"))
         x = project(reduced, state, clamp(piece.begin).full().ravel())
-        for starts, h, sampled in _portions(piece.begin, instants[taken:count], piece.end, 1 / per_second):
+        for starts, h, sampled in _portions(piece.begin, instants[sampled_count:count], piece.end, 1 / per_second):
             with delayed_interrupts():
-                within = starts[:, None] + h[:, None] * np.linspace(0.0, 1.0, BASE_INSTANTS)
-                stages = clamp(within.reshape(1, -1)).full()
+                stage_times = starts[:, None] + h[:, None] * np.linspace(0.0, 1.0, BASE_INSTANTS)
+                stages = clamp(stage_times.reshape(1, -1)).full()
                 if not np.isfinite(stages).all():
                     message = f"its position, velocity or acceleration is not finite before {piece.end:g} s"
                     raise InputError(message, "base")
@@ -199,18 +199,19 @@ def simulate_reduced(
                     message = "turns, while a roller or guide keeps its direction; use the full model"
                     raise InputError(message, "base")
                 path = advance(x, stages, h)
-            lost = ~np.isfinite(path[1:]).all(axis=1)
-            if lost.any():
+            is_infinite = ~np.isfinite(path[1:]).all(axis=1)
+            if is_infinite.any():
                 message = "the motion does not stay finite because the steps are too long; increase steps_per_period"
-                raise SimulationError(message, float(starts[lost][0]))
+                raise SimulationError(message, float(starts[is_infinite][0]))
             samples.append(path[sampled])
             x, steps = path[-1], steps + len(h)
-        clamps.append(clamp(instants[None, taken:count]).full().T[: count - taken])  # CasADi returns 1 for no instant
+        samples_of_clamp = clamp(instants[None, sampled_count:count]).full().T
+        clamp_motions.append(samples_of_clamp[: count - sampled_count])  # CasADi returns one for no instant
         q, v = np.split(x, 2)
         state = _full_state(reduced, q, v, clamp(piece.end).full().ravel(), piece.end)
-        taken = count
+        sampled_count = count
     q, v = np.split(np.vstack(samples), 2, axis=1)
-    return ReducedTrajectory(reduced, instants, q, v, np.vstack(clamps), steps, time.perf_counter() - began)
+    return ReducedTrajectory(reduced, instants, q, v, np.vstack(clamp_motions), steps, time.perf_counter() - began)
 
 
 def project(reduced: ReducedModel, state: State, base: Array) -> Array:
@@ -230,29 +231,29 @@ def project(reduced: ReducedModel, state: State, base: Array) -> Array:
     raise InputError("is too far from any shape of the modes kept; keep more modes, or bend the beam less", "start")
 
 
-def _full_state(reduced: ReducedModel, q: Array, v: Array, base: Array, at: float) -> State:
+def _full_state(reduced: ReducedModel, q: Array, v: Array, base: Array, time: float) -> State:
     """Return the state of the full model at a time (s)."""
     e, e_t = reduced.coordinates(q, v, base)
-    return State(e.full().ravel(), e_t.full().ravel(), at)
+    return State(e.full().ravel(), e_t.full().ravel(), time)
 
 
-def _portions(now: float, instants: Array, end: float, longest: float) -> Iterator[tuple[Array, Array, Index]]:
+def _portions(now: float, instants: Array, end: float, max_step: float) -> Iterator[tuple[Array, Array, Index]]:
     """Yield the steps from ``now`` to ``end``, at most ``STEPS_PER_CALL`` at a time.
 
     A portion has the start and the length of each step (k,), s, and of each instant up to its end that no portion
     before had, the number of steps of the portion before it.
     """
-    marks = np.unique(np.concatenate([[now], instants, [end]]))
-    counts = np.maximum(np.ceil(np.diff(marks) / longest - SAME_TIME), 1).astype(int)
-    lengths, before = np.diff(marks) / counts, np.concatenate([[0], np.cumsum(counts)])
-    sampled, taken = before[np.searchsorted(marks, instants)], 0
-    for begin in range(0, before[-1], STEPS_PER_CALL):
-        steps = np.arange(begin, min(begin + STEPS_PER_CALL, before[-1]))
-        interval = np.searchsorted(before, steps, side="right") - 1
+    breakpoints = np.unique(np.concatenate([[now], instants, [end]]))
+    counts = np.maximum(np.ceil(np.diff(breakpoints) / max_step - SAME_TIME), 1).astype(int)
+    lengths, steps_before = np.diff(breakpoints) / counts, np.concatenate([[0], np.cumsum(counts)])
+    sampled, sampled_count = steps_before[np.searchsorted(breakpoints, instants)], 0
+    for begin in range(0, steps_before[-1], STEPS_PER_CALL):
+        steps = np.arange(begin, min(begin + STEPS_PER_CALL, steps_before[-1]))
+        interval = np.searchsorted(steps_before, steps, side="right") - 1
         count = int(np.searchsorted(sampled, steps[-1] + 1, side="right"))
-        starts = marks[interval] + (steps - before[interval]) * lengths[interval]
-        yield starts, lengths[interval], sampled[taken:count] - begin
-        taken = count
+        starts = breakpoints[interval] + (steps - steps_before[interval]) * lengths[interval]
+        yield starts, lengths[interval], sampled[sampled_count:count] - begin
+        sampled_count = count
 
 
 def _stepper(reduced: ReducedModel, duration: float) -> Callable[[Array, Array, Array], Array]:
@@ -269,13 +270,13 @@ def _stepper(reduced: ReducedModel, duration: float) -> Callable[[Array, Array, 
     worth_compiling = duration >= 0.25 and reduced.rhs.n_instructions() <= 20_000
     step = compiled(step) if worth_compiling else interpreted(step)
     x, base, h = cs.MX.sym("x", 2 * m), cs.MX.sym("base", BASE_SIZE, BASE_INSTANTS), cs.MX.sym("h")
-    one = cs.Function("one", [x, base, h], [cs.vertcat(*step(x[:m], x[m:], base, reduced.values, h))])
+    single_step = cs.Function("one", [x, base, h], [cs.vertcat(*step(x[:m], x[m:], base, reduced.values, h))])
 
     @functools.cache
-    def many(steps: int) -> cs.Function:
-        return one.mapaccum("many", steps)
+    def many_steps(steps: int) -> cs.Function:
+        return single_step.mapaccum("many", steps)
 
     def advance(x: Array, base: Array, h: Array) -> Array:
-        return np.vstack([x, many(len(h))(x, base, h[None]).full().T])
+        return np.vstack([x, many_steps(len(h))(x, base, h[None]).full().T])
 
     return advance

@@ -321,10 +321,10 @@ class Buffered:
         buffer, self._evaluate = function.buffer()
         sizes = [function.numel_out(k) for k in range(function.n_out())]
         self.outputs = [*outputs, *map(np.zeros, sizes[len(outputs) :])]
-        self._kept = buffer, [array.reshape(-1).view(float) for array in inputs], [*map(np.ravel, self.outputs)]
-        for k, array in enumerate(self._kept[1]):
+        self._positions = buffer, [array.reshape(-1).view(float) for array in inputs], [*map(np.ravel, self.outputs)]
+        for k, array in enumerate(self._positions[1]):
             buffer.set_arg(k, array.data)
-        for k, array in enumerate(self._kept[2]):
+        for k, array in enumerate(self._positions[2]):
             buffer.set_res(k, array.data)
 
     def __call__(self) -> list[Array]:

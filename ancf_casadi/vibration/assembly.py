@@ -59,31 +59,33 @@ class ElementBalance:
     @cached_property
     def linearisation(self) -> cs.Function:
         """(e, p, c) -> R, K = dR/de, dR/dp, M."""
-        e, p, c = given = self._symbols()
-        force = self.force(*given)
-        return _function("linearisation", given, [force, cs.jacobian(force, e), cs.jacobian(force, p), self.mass(p, c)])
+        e, p, c = symbols = self._symbols()
+        force = self.force(*symbols)
+        return _function(
+            "linearisation", symbols, [force, cs.jacobian(force, e), cs.jacobian(force, p), self.mass(p, c)]
+        )
 
     @cached_property
     def stiffness_product(self) -> cs.Function:
         """(e, p, c, de, x) -> (K + (dK/de) de) x, the derivative of the force along x."""
-        e, *_ = given = self._symbols()
+        e, *_ = symbols = self._symbols()
         de, x = cs.SX.sym("de", self.sizes[0]), cs.SX.sym("x", self.sizes[0])
-        along = cs.jtimes(self.force(*given), e, x)
-        return _function("stiffness_product", [*given, de, x], [along + cs.jtimes(along, e, de)])
+        derivative = cs.jtimes(self.force(*symbols), e, x)
+        return _function("stiffness_product", [*symbols, de, x], [derivative + cs.jtimes(derivative, e, de)])
 
     @cached_property
     def pencil_jacobians(self) -> cs.Function:
         """(e, p, c, phi, lambda) -> d(K phi)/de, d((K - lambda M) phi)/dp, 1/2 d(phi^T M phi)/dp."""
-        (e, p, *others), pencil, norm = self._mode()
+        (e, p, *mode_symbols), pencil, norm = self._mode()
         jacobians = [cs.jacobian(pencil, e), cs.jacobian(pencil, p), cs.jacobian(norm, p)]
-        return _function("pencil_jacobians", [e, p, *others], jacobians)
+        return _function("pencil_jacobians", [e, p, *mode_symbols], jacobians)
 
     @cached_property
     def force_hessian(self) -> cs.Function:
         """(e, p, c, z) -> d2(z^T R)/d(e, p)2."""
-        e, p, c = given = self._symbols()
+        e, p, c = symbols = self._symbols()
         z = cs.SX.sym("z", self.sizes[0])
-        hessian = cs.hessian(cs.dot(z, self.force(*given)), cs.vertcat(e, p))[0]
+        hessian = cs.hessian(cs.dot(z, self.force(*symbols)), cs.vertcat(e, p))[0]
         return _function("force_hessian", [e, p, c, z], [hessian])
 
     @cached_property
@@ -100,11 +102,11 @@ class ElementBalance:
 
     def _mode(self) -> tuple[list[cs.SX], cs.SX, cs.SX]:
         """Symbols e, p, c, phi, lambda, and the expressions (K - lambda M) phi and 1/2 phi^T M phi."""
-        e, p, c = given = self._symbols()
+        e, p, c = symbols = self._symbols()
         phi, eigenvalue = cs.SX.sym("phi", self.sizes[0]), cs.SX.sym("lambda")
         inertia = self.mass(p, c) @ phi
-        pencil = cs.jtimes(self.force(*given), e, phi) - eigenvalue * inertia
-        return [*given, phi, eigenvalue], pencil, cs.dot(phi, inertia) / 2
+        pencil = cs.jtimes(self.force(*symbols), e, phi) - eigenvalue * inertia
+        return [*symbols, phi, eigenvalue], pencil, cs.dot(phi, inertia) / 2
 
 
 @lru_cache(maxsize=32)
@@ -115,10 +117,12 @@ def element_balance(
     coordinates = element.elastic_force.size1_in(0)
     properties = element.elastic_force.size1_in(1) - constants - len(shared)
     e, p, c = cs.SX.sym("e", coordinates), cs.SX.sym("p", properties), cs.SX.sym("c", constants)
-    column, last = cs.vertsplit(p, [0, properties - lumped, properties])
-    whole = cs.vertcat(column, *shared, c, last)
-    force = element.elastic_force(e, whole) - element.gravity_force(whole, gravity)
-    return ElementBalance(cs.Function("force", [e, p, c], [force]), cs.Function("mass", [p, c], [element.mass(whole)]))
+    section, lumped_properties = cs.vertsplit(p, [0, properties - lumped, properties])
+    parameters = cs.vertcat(section, *shared, c, lumped_properties)
+    force = element.elastic_force(e, parameters) - element.gravity_force(parameters, gravity)
+    return ElementBalance(
+        cs.Function("force", [e, p, c], [force]), cs.Function("mass", [p, c], [element.mass(parameters)])
+    )
 
 
 @lru_cache(maxsize=2)
@@ -127,20 +131,20 @@ def load_balance(*, follower: bool) -> ElementBalance:
     e, load, c = cs.SX.sym("e", 2 * NODE), cs.SX.sym("load", 3), cs.SX.sym("c", 2)
     S, slope = (_interpolation(functions, *cs.vertsplit(c)) for functions in (hermite, hermite_slope))
     F, h = point_force(slope @ e, load, follower=follower)
-    return _loaded(e, load, c, S.T @ F + slope.T @ h)
+    return _load_element_balance(e, load, c, S.T @ F + slope.T @ h)
 
 
 @lru_cache(maxsize=2)
 def line_balance(*, follower: bool) -> ElementBalance:
     """Return the balance of an element with c = (xi_1, xi_2, l) under a force per length p = (qx, qy) between them."""
     e, load, c = cs.SX.sym("e", 2 * NODE), cs.SX.sym("load", 2), cs.SX.sym("c", 3)
-    first, last, l = cs.vertsplit(c)
+    begin, end, l = cs.vertsplit(c)
     force = cs.SX.zeros(2 * NODE)
-    for node, weight in gauss_pairs(4):  # approximate for a follower, whose direction is no polynomial
-        xi = first + node * (last - first)
-        own, _ = point_force(_interpolation(hermite_slope, xi, l) @ e, cs.vertcat(load, 0), follower=follower)
-        force += weight * (last - first) * l * _interpolation(hermite, xi, l).T @ own
-    return _loaded(e, load, c, force)
+    for abscissa, weight in gauss_pairs(4):  # approximate for a follower, whose direction is no polynomial
+        xi = begin + abscissa * (end - begin)
+        force_density, _ = point_force(_interpolation(hermite_slope, xi, l) @ e, cs.vertcat(load, 0), follower=follower)
+        force += weight * (end - begin) * l * _interpolation(hermite, xi, l).T @ force_density
+    return _load_element_balance(e, load, c, force)
 
 
 def _interpolation(functions: Callable[[Any, Any], tuple[Any, ...]], xi: cs.SX, l: cs.SX) -> cs.SX:
@@ -148,7 +152,7 @@ def _interpolation(functions: Callable[[Any, Any], tuple[Any, ...]], xi: cs.SX, 
     return cs.SX(cs.kron(cs.vertcat(*functions(xi, l)).T, cs.SX.eye(2)))
 
 
-def _loaded(e: cs.SX, load: cs.SX, c: cs.SX, force: cs.SX) -> ElementBalance:
+def _load_element_balance(e: cs.SX, load: cs.SX, c: cs.SX, force: cs.SX) -> ElementBalance:
     mass = cs.Function("mass", [load, c], [cs.DM.zeros(2 * NODE, 2 * NODE)])
     return ElementBalance(cs.Function("force", [e, load, c], [-force]), mass)
 
@@ -160,7 +164,7 @@ def _function(name: str, inputs: list[cs.SX], outputs: list[cs.SX]) -> cs.Functi
 
 @dataclass(frozen=True, eq=False)
 class Position:
-    """Nodal coordinates, and the remainder that rounding has cut off."""
+    """Nodal coordinates, and the remainder lost by rounding."""
 
     coordinates: Array  # the coordinates e, rounded, (size,)
     remainder: Array  # the remainder de, whose effect is taken into account to first order, (size,)
@@ -173,7 +177,7 @@ class Position:
 
 @dataclass(frozen=True, eq=False)
 class EqualElements:
-    """Equal elements of a structure, and the places of their coordinates and properties."""
+    """Equal elements of a structure, and the indices of their coordinates and properties."""
 
     model: Model  # the beam of the structure
     balance: ElementBalance  # forces and mass of one element
@@ -183,15 +187,15 @@ class EqualElements:
 
     @cached_property
     def bands(self) -> tuple[Index, Array | None]:
-        """Places of the entries of element matrices in the diagonals, and N_ik N_jl unless all are 0 or 1."""
+        """Indices of the entries of element matrices in the diagonals, and N_ik N_jl unless all are 0 or 1."""
         model, freedoms = self.model, self.model.freedoms
-        numbers: Index = model.free_of[self.coordinates]
+        free_numbers: Index = model.free_of[self.coordinates]
         weights: Array = model.weights[self.coordinates]
-        rows, columns = numbers[:, :, None], numbers[:, None, :]
-        places = (BANDWIDTH + rows - columns) * freedoms + columns
-        places = np.where((rows < 0) | (columns < 0), (2 * BANDWIDTH + 1) * freedoms, places)
-        slanted = not np.isin(weights, (0.0, 1.0)).all()
-        return places, weights[:, :, None] * weights[:, None, :] if slanted else None
+        rows, columns = free_numbers[:, :, None], free_numbers[:, None, :]
+        band_indices = (BANDWIDTH + rows - columns) * freedoms + columns
+        band_indices = np.where((rows < 0) | (columns < 0), (2 * BANDWIDTH + 1) * freedoms, band_indices)
+        is_slanted = not np.isin(weights, (0.0, 1.0)).all()
+        return band_indices, weights[:, :, None] * weights[:, None, :] if is_slanted else None
 
 
 def structure_properties(model: Model) -> Array:
@@ -200,76 +204,84 @@ def structure_properties(model: Model) -> Array:
 
 
 @lru_cache(maxsize=32)
-def _beam_parts(model: Model) -> tuple[EqualElements, ...]:
-    """Return the groups of a model as parts with the properties of ``structure_properties``."""
-    places, names, parts = np.arange(model.properties.size).reshape(model.properties.shape), [*model.lumped], []
+def _beam_groups(model: Model) -> tuple[EqualElements, ...]:
+    """Return the element groups of a model, with the properties of ``structure_properties``."""
+    indices = np.arange(model.properties.size).reshape(model.properties.shape)
+    names, groups = [*model.lumped], []
     for group in model.groups:
         constants = group.constants.T
         # those of an element that is alone, a spring or mass, may change with the displacement of a support
-        alike = group.count > 1 and (constants == constants[0]).all()
-        shared = tuple(constants[0].tolist()) if alike else ()
-        own_constants = constants[:, len(shared) :]
-        sizes = own_constants.shape[1], len(group.lumped)
+        is_equal = group.count > 1 and (constants == constants[0]).all()
+        shared = tuple(constants[0].tolist()) if is_equal else ()
+        varying = constants[:, len(shared) :]
+        sizes = varying.shape[1], len(group.lumped)
         balance = element_balance(group.element, shared, *sizes, model.beam.gravity)
-        columns = places[:, group.columns].T
-        own = columns.reshape(group.count, -1) if columns.size else np.empty((group.count, 0), dtype=np.int64)
-        lumped = np.array([places.size + names.index(name) for name in group.lumped], dtype=np.int64)
-        properties = np.hstack([own, np.tile(lumped, (group.count, 1))])
-        parts.append(EqualElements(model, balance, group.coordinates, properties, own_constants))
-    return tuple(parts)
+        columns = indices[:, group.columns].T
+        sections = columns.reshape(group.count, -1) if columns.size else np.empty((group.count, 0), dtype=np.int64)
+        lumped = np.array([indices.size + names.index(name) for name in group.lumped], dtype=np.int64)
+        properties = np.hstack([sections, np.tile(lumped, (group.count, 1))])
+        groups.append(EqualElements(model, balance, group.coordinates, properties, varying))
+    return tuple(groups)
 
 
-def _loaded_elements(model: Model, load: Load) -> list[tuple[int, list[float]]]:
+def _elements_under(model: Model, load: Load) -> list[tuple[int, list[float]]]:
     """Return the elements under a load, each with the constants of its balance."""
     beam = model.beam
     if isinstance(load, PointLoad):
         index, xi = model.place_at(load.place(beam))
         return [(index, [xi, float(beam.element_lengths[index])])]
     begin, end = load.places(beam)
-    first, last = np.clip((np.array([[begin], [end]]) - beam.node_points[:-1]) / np.diff(beam.node_points), 0.0, 1.0)
-    constants = np.column_stack([first, last, beam.element_lengths]).tolist()
-    return [(k, constants[k]) for k in np.flatnonzero(last > first).tolist()]
+    begins, ends = np.clip((np.array([[begin], [end]]) - beam.node_points[:-1]) / np.diff(beam.node_points), 0.0, 1.0)
+    constants = np.column_stack([begins, ends, beam.element_lengths]).tolist()
+    return [(k, constants[k]) for k in np.flatnonzero(ends > begins).tolist()]
 
 
 @dataclass(frozen=True, eq=False)
 class Structure:
-    """A beam and its loads as parts with properties."""
+    """A beam and its loads as groups of equal elements with properties."""
 
     model: Model  # the beam; ``properties`` override the properties of ``model.beam``
-    parts: tuple[EqualElements, ...]
-    properties: Array  # the properties of all parts, (properties,)
+    groups: tuple[EqualElements, ...]
+    properties: Array  # the properties of all groups, (properties,)
 
     @classmethod
     def of(cls, model: Model, loads: Sequence[Load] = ()) -> Structure:
         """Return a model with its own properties, under gravity and loads, whose values follow the properties."""
-        parts, properties = _beam_parts(model), structure_properties(model)
+        beam_groups, properties = _beam_groups(model), structure_properties(model)
         rows: dict[ElementBalance, list[tuple[Index, Index, list[float]]]] = {}  # of the loads with the same balance
         for load in loads:
-            balance_of = load_balance if isinstance(load, PointLoad) else line_balance
-            own = rows.setdefault(balance_of(follower=load.follower), [])
-            given = len(properties) + np.arange(len(load.values))
-            for index, constants in _loaded_elements(model, load):
-                own.append((NODE * (index + model.root) + np.arange(2 * NODE), given, constants))
+            balance_function = load_balance if isinstance(load, PointLoad) else line_balance
+            elements = rows.setdefault(balance_function(follower=load.follower), [])
+            load_indices = len(properties) + np.arange(len(load.values))
+            for index, constants in _elements_under(model, load):
+                elements.append((NODE * (index + model.root) + np.arange(2 * NODE), load_indices, constants))
             properties = np.concatenate([properties, load.values])
-        acting = [
-            EqualElements(model, balance, *map(np.array, zip(*own, strict=True))) for balance, own in rows.items()
+        loaded_elements = [
+            EqualElements(model, balance, *map(np.array, zip(*elements, strict=True)))
+            for balance, elements in rows.items()
         ]
-        return cls(model, (*parts, *acting), properties)
+        return cls(model, (*beam_groups, *loaded_elements), properties)
 
-    def inputs(self, part: EqualElements, at: Position) -> tuple[Array, Array, Array]:
+    def inputs(self, group: EqualElements, at: Position) -> tuple[Array, Array, Array]:
         """Return coordinates, with positions relative to the first node, properties and constants of each element."""
-        return relative(at.coordinates[part.coordinates]), self.properties[part.properties], part.constants
+        return (
+            relative_coordinates(at.coordinates[group.coordinates]),
+            self.properties[group.properties],
+            group.constants,
+        )
 
     def linearisation(self, at: Position) -> tuple[Array, Array, Array]:
         """Return R, K and M of the free coordinates at the rounded coordinates; K and M are stored by diagonals."""
         size, N, bands = self.model.size, self.model.freedoms, 2 * BANDWIDTH + 1
         force, stiffness, mass = np.zeros((size, 1)), np.zeros((bands * N + 1, 1)), np.zeros((bands * N + 1, 1))
-        for part in self.parts:
-            of_force, of_stiffness, _, of_mass = per_element(part.balance.linearisation, *self.inputs(part, at))
-            places, products = part.bands
-            force += scatter(part.coordinates, of_force, size)
-            stiffness += scatter(places, of_stiffness if products is None else products * of_stiffness, bands * N + 1)
-            mass += scatter(places, of_mass if products is None else products * of_mass, bands * N + 1)
+        for group in self.groups:
+            forces, stiffnesses, _, masses = per_element(group.balance.linearisation, *self.inputs(group, at))
+            band_indices, products = group.bands
+            force += scatter(group.coordinates, forces, size)
+            stiffness += scatter(
+                band_indices, stiffnesses if products is None else products * stiffnesses, bands * N + 1
+            )
+            mass += scatter(band_indices, masses if products is None else products * masses, bands * N + 1)
         return self.model.of_free(force)[:, 0], stiffness[:-1].reshape(bands, N), mass[:-1].reshape(bands, N)
 
     def stiffness_product(self, at: Position) -> Callable[[Array], Array]:
@@ -280,23 +292,23 @@ class Structure:
     def whole_product(self, at: Position) -> Callable[[Array], Array]:
         """Return x -> N^T K x for a change of all coordinates, summed element by element."""
         model, size = self.model, self.model.size
-        bound = []
-        for part in self.parts:
-            x = np.zeros(part.coordinates.shape)
-            inputs = *self.inputs(part, at), relative(at.remainder[part.coordinates]), x
-            bound.append((part.coordinates, x, bound_per_element(part.balance.stiffness_product, *inputs)))
+        evaluations = []
+        for group in self.groups:
+            x = np.zeros(group.coordinates.shape)
+            inputs = *self.inputs(group, at), relative_coordinates(at.remainder[group.coordinates]), x
+            evaluations.append((group.coordinates, x, bound_per_element(group.balance.stiffness_product, *inputs)))
 
-        def product(whole: Array) -> Array:
+        def product(change: Array) -> Array:
             force = np.zeros((size, 1))
-            for coordinates, x, evaluate in bound:
-                x[:] = relative(whole[coordinates])
+            for coordinates, x, evaluate in evaluations:
+                x[:] = relative_coordinates(change[coordinates])
                 force += scatter(coordinates, evaluate()[0], size)
             return model.of_free(force)[:, 0]
 
         return product
 
 
-def relative(rows: Array) -> Array:
+def relative_coordinates(rows: Array) -> Array:
     """Return coordinates of elements, (elements, d), with positions relative to the first node of each."""
     pairs = rows.reshape(len(rows), -1, 2).copy()
     pairs[:, ::2] -= pairs[:, :1].copy()
@@ -309,9 +321,9 @@ def per_element(function: cs.Function, *inputs: Array) -> list[Array]:
 
 
 def bound_per_element(function: cs.Function, *inputs: Array) -> Callable[[], list[Array]]:
-    """Return the call of ``per_element`` with the values that the inputs, arrays in C order, have at the time."""
+    """Return ``per_element`` as a function without arguments, which reads the input arrays (C order) at each call."""
     count, sizes = len(inputs[0]), [function.size1_out(k) for k in range(function.n_out())]
-    evaluate = Buffered(_mapped(function, count), *(np.ascontiguousarray(values) for values in inputs))
+    evaluate = Buffered(_map_over_elements(function, count), *(np.ascontiguousarray(values) for values in inputs))
 
     def call() -> list[Array]:
         outputs = zip(evaluate(), sizes, strict=True)
@@ -321,30 +333,30 @@ def bound_per_element(function: cs.Function, *inputs: Array) -> Callable[[], lis
 
 
 @lru_cache(maxsize=64)
-def _mapped(function: cs.Function, count: int) -> cs.Function:
+def _map_over_elements(function: cs.Function, count: int) -> cs.Function:
     return function.map(count)
 
 
-def scatter(places: Index, values: Array, size: int) -> Array:
-    """Return the sums at each place, (size, C), of values (elements, ..., C) with places (elements, ...)."""
-    count, columns = places.size, values.size // places.size
+def scatter(indices: Index, values: Array, size: int) -> Array:
+    """Return the sums at each index, (size, C), of values (elements, ..., C) with indices (elements, ...)."""
+    count, columns = indices.size, values.size // indices.size
     if columns == 1:
-        return np.asarray(np.bincount(places.ravel(), values.ravel(), size)[:, None], dtype=np.float64)
-    incidence = scipy.sparse.csc_array((np.ones(count), places.ravel(), np.arange(count + 1)), shape=(size, count))
+        return np.asarray(np.bincount(indices.ravel(), values.ravel(), size)[:, None], dtype=np.float64)
+    incidence = scipy.sparse.csc_array((np.ones(count), indices.ravel(), np.arange(count + 1)), shape=(size, count))
     return np.asarray(incidence @ values.reshape(count, columns))
 
 
-def refined(solve: Callable[[Array], Array], product: Callable[[Array], Array], right: Array) -> Array:
+def solve_refined(solve: Callable[[Array], Array], product: Callable[[Array], Array], right_side: Array) -> Array:
     """Solve A x = b by iterative refinement to rounding, with an approximate inverse of A and exact products A x."""
-    x = solve(right)
-    last = float(np.linalg.norm(x))
+    x = solve(right_side)
+    last_size = float(np.linalg.norm(x))
     for _ in range(12):  # most refinements of one solution
-        change = solve(right - product(x))
+        change = solve(right_side - product(x))
         size = float(np.linalg.norm(change))
-        if not size < last:
+        if not size < last_size:
             break
         x = x + change
-        if size**2 <= EPSILON * last * float(np.linalg.norm(x)):
+        if size**2 <= EPSILON * last_size * float(np.linalg.norm(x)):
             break
-        last = size
+        last_size = size
     return x

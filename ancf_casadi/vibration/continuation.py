@@ -36,21 +36,21 @@ from ancf_casadi.mechanics.nodes import NODE
 from ancf_casadi.mechanics.supports import Clamp
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.banded import BandedFactors, factorised
-from ancf_casadi.vibration.assembly import BANDWIDTH, Position, Structure, refined
-from ancf_casadi.vibration.eigensolver import shift_of
+from ancf_casadi.vibration.assembly import BANDWIDTH, Position, Structure, solve_refined
+from ancf_casadi.vibration.eigensolver import eigenvalue_shift
 from ancf_casadi.vibration.equilibrium import Equilibrium
 
-LARGEST_STEP = 0.05  # change of the factor per step, relative to the largest factor, and first step along a branch
+MAX_STEP = 0.05  # change of the factor per step, relative to the largest factor, and first step along a branch
 FACTOR_STEP = 1e-4  # of the factor, relative to the largest, for the derivative of the places of the supports
-CONVERGED = 1e-11  # last correction of Newton's method relative to the sizes of the unknowns, and shortest step
-STIFF = 1e3  # slope above which points are sought at given factors, which rounding of q would change by 1e-13 or more
-LARGEST_TURN = 0.25  # norm of the change of a slope vector in one step; about the angle, rad
-LARGEST_MISMATCH = 0.1  # of the change of the factor and the mean slope, relative to the larger slope
+TOLERANCE = 1e-11  # last correction of Newton's method relative to the sizes of the unknowns, and shortest step
+STEEP = 1e3  # slope above which points are sought at given factors, which rounding of q would change by 1e-13 or more
+MAX_ROTATION = 0.25  # norm of the change of a slope vector in one step; about the angle, rad
+MAX_MISMATCH = 0.1  # of the change of the factor and the mean slope, relative to the larger slope
 
 
 @dataclass(frozen=True, eq=False)
-class Growing:
-    """A beam with loads and displacements of supports that grow with a factor."""
+class ProportionalLoading:
+    """A beam whose loads and displacements of supports grow in proportion to a factor."""
 
     model: Model
     loads: tuple[Load, ...]
@@ -60,19 +60,20 @@ class Growing:
     @cached_property
     def moves(self) -> bool:
         """True if a support moves with the factor."""
-        return any(any(one.displacement) or one.angle for one in self.model.beam.supports)
+        return any(any(support.displacement) or support.angle for support in self.model.beam.supports)
 
     def model_at(self, factor: float) -> Model:
         """Return the model with its supports displaced by a multiple."""
         if not self.moves:
             return self.model
         supports = []
-        for one in self.model.beam.supports:
-            turned = {"rotation": factor * one.angle} if hasattr(one, "rotation") else {}
-            x, y = one.displacement
-            own = replace(one, displacement=(factor * x, factor * y), **turned)
+        for support in self.model.beam.supports:
+            turned = {"rotation": factor * support.angle} if hasattr(support, "rotation") else {}
+            x, y = support.displacement
+            displaced = replace(support, displacement=(factor * x, factor * y), **turned)
             # a clamp of the beginning that is not displaced would take its node from the model
-            supports.append(replace(own, displacement=(1e-29, 0.0)) if own == Clamp() != one else own)
+            at_rest = displaced == Clamp() != support
+            supports.append(replace(displaced, displacement=(1e-29, 0.0)) if at_rest else displaced)
         return replace(self.model, beam=replace(self.model.beam, supports=tuple(supports)))
 
     def point(self, factor: float, equilibrium: Equilibrium) -> PathPoint:
@@ -84,7 +85,7 @@ class Growing:
 class PathPoint:
     """Free coordinates q, a factor s, and the balance R; tangents refer to x = (q/scale, s/largest), (N + 1,)."""
 
-    growing: Growing
+    loading: ProportionalLoading
     q: Array
     factor: float
     remainder: Array  # of all nodal coordinates
@@ -92,10 +93,8 @@ class PathPoint:
     @cached_property
     def equilibrium(self) -> Equilibrium:
         """The point as a result."""
-        loads, model = (
-            tuple(load.scaled(self.factor) for load in self.growing.loads),
-            self.growing.model_at(self.factor),
-        )
+        loads = tuple(load.scaled(self.factor) for load in self.loading.loads)
+        model = self.loading.model_at(self.factor)
         coordinates = model.whole(self.q, np.array([0.0, 0.0, *model.beam.axis]))
         return Equilibrium(model, coordinates, remainder=self.remainder, loads=loads)
 
@@ -113,9 +112,9 @@ class PathPoint:
     def balance(self) -> tuple[Array, Array, Array]:
         """The balance R, and K, shifted if the supports do not hold the beam, and M, stored by diagonals."""
         force, stiffness, mass = self.structure.linearisation(self.at)
-        if not self.growing.model.is_held:
-            stiffness = stiffness + shift_of(self.structure.model, stiffness, mass) * mass
-        return force + (1.0 - self.factor / self.growing.largest) * self.growing.weight, stiffness, mass
+        if not self.loading.model.is_held:
+            stiffness = stiffness + eigenvalue_shift(self.structure.model, stiffness, mass) * mass
+        return force + (1.0 - self.factor / self.loading.largest) * self.loading.weight, stiffness, mass
 
     @cached_property
     def factors(self) -> BandedFactors:
@@ -130,7 +129,7 @@ class PathPoint:
     @cached_property
     def negative(self) -> int:
         """Number of negative eigenvalues of K, modulo 2 if forces follow the beam."""
-        if any(load.follower for load in self.growing.loads):
+        if any(load.follower for load in self.loading.loads):
             return int(self.determinant[0] < 0.0)
         size = np.sqrt(np.abs(self.balance[1][BANDWIDTH]))
         lower = self.balance[1][BANDWIDTH:].copy()
@@ -141,72 +140,73 @@ class PathPoint:
     @cached_property
     def rate(self) -> Array:
         """The derivative of R with respect to s/largest, (N,)."""
-        largest, model = self.growing.largest, self.structure.model
-        unit = Structure.of(model, [load.scaled(largest) for load in self.growing.loads])
-        rate = replace(unit, parts=unit.parts[len(model.groups) :]).linearisation(self.at)[0] - self.growing.weight
-        if self.growing.moves:
-            ends = [replace(self, factor=self.factor + sign * FACTOR_STEP * largest) for sign in (1.0, -1.0)]
+        largest, model = self.loading.largest, self.structure.model
+        structure = Structure.of(model, [load.scaled(largest) for load in self.loading.loads])
+        loaded_elements = replace(structure, groups=structure.groups[len(model.groups) :])
+        rate = loaded_elements.linearisation(self.at)[0] - self.loading.weight
+        if self.loading.moves:
+            neighbours = [replace(self, factor=self.factor + sign * FACTOR_STEP * largest) for sign in (1.0, -1.0)]
             if any(getattr(support, "rotation", 0.0) for support in model.beam.supports):  # the free directions turn
-                return np.subtract(*(end.balance[0] for end in ends)) / (2 * FACTOR_STEP)
-            way = np.subtract(*(end.at.coordinates for end in ends)) / (2 * FACTOR_STEP)
-            rate = rate + self.structure.whole_product(self.at)(way)
+                return np.subtract(*(end.balance[0] for end in neighbours)) / (2 * FACTOR_STEP)
+            support_motion = np.subtract(*(end.at.coordinates for end in neighbours)) / (2 * FACTOR_STEP)
+            rate = rate + self.structure.whole_product(self.at)(support_motion)
         return np.asarray(rate)
 
-    def solve(self, rows: Array, columns: Array, right: Array) -> Array:
-        """Return the solution (x, y) of K (scale x) + columns y = right[:N], rows (x, y) = right[N:]."""
+    def solve(self, rows: Array, columns: Array, right_side: Array) -> Array:
+        """Return the solution (x, y) of K (scale x) + columns y = right_side[:N], rows (x, y) = right_side[N:]."""
         scale, product, N = self.structure.model.free_scale, self.structure.stiffness_product(self.at), self.q.size
         by_columns = self.factors.solve(columns) / scale[:, None]
         complement = rows[:, N:] - rows[:, :N] @ by_columns
 
-        def approximate(right: Array) -> Array:
-            x = self.factors.solve(right[:N]) / scale
-            y = np.linalg.solve(complement, right[N:] - rows[:, :N] @ x)
+        def approximate(right_side: Array) -> Array:
+            x = self.factors.solve(right_side[:N]) / scale
+            y = np.linalg.solve(complement, right_side[N:] - rows[:, :N] @ x)
             return np.append(x - by_columns @ y, y)
 
         def exact(x: Array) -> Array:
             return np.append(product(scale * x[:N]) + columns @ x[N:], rows @ x)
 
-        return refined(approximate, exact, right)
+        return solve_refined(approximate, exact, right_side)
 
     def tangent(self, row: Array) -> Array:
         """Return the tangent of the path whose product with a row is positive."""
         direction = self.solve(row[None], self.rate[:, None], np.append(np.zeros(self.q.size), 1.0))
-        return np.asarray(direction / size_of(direction[:-1]))
+        return np.asarray(direction / rms(direction[:-1]))
 
     def moved(self, x: Array) -> PathPoint:
-        """Return the point at a distance."""
+        """Return the point at an offset x, (N + 1,)."""
         q = self.q + self.structure.model.free_scale * x[:-1]
         return replace(
-            self, q=q, factor=self.factor + self.growing.largest * float(x[-1]), remainder=0.0 * self.remainder
+            self, q=q, factor=self.factor + self.loading.largest * float(x[-1]), remainder=0.0 * self.remainder
         )
 
-    def corrected(self, row: Array, null: Array | None = None) -> PathPoint | None:
+    def correct(self, row: Array, null: Array | None = None) -> PathPoint | None:
         """Return the equilibrium on the plane through the point normal to a row; None if Newton's method fails.
 
-        Next to a bifurcation rounding would move it along the null vector of K, (N,).  If this is given, it does not
-        move along the vector; a force in its direction, zero on a path that the other one crosses symmetrically,
-        replaces this unknown.
+        Next to a bifurcation, rounding would move the point along the null vector of K, (N,).  If ``null`` is given,
+        the point does not move along it; a force in its direction, zero on a path that the other one crosses
+        symmetrically, replaces this unknown.
         """
         nulls = np.zeros((0, self.q.size)) if null is None else null[None]
         m, scale = 1 + len(nulls), self.structure.model.free_scale
         rows = np.zeros((m, self.q.size + m))
         rows[0, : row.size], rows[1:, : self.q.size] = row, nulls * scale
-        at, away, converged = self, np.zeros(self.q.size + m), False
+        point, offset, converged = self, np.zeros(self.q.size + m), False
         for _ in range(12):
             try:
-                columns = np.column_stack([at.rate, *nulls])
-                push = nulls.T @ away[row.size :]
-                step = -at.solve(rows, columns, np.append(at.balance[0] + push, rows @ away))
+                columns = np.column_stack([point.rate, *nulls])
+                force = nulls.T @ offset[row.size :]
+                step = -point.solve(rows, columns, np.append(point.balance[0] + force, rows @ offset))
             except np.linalg.LinAlgError:
                 return None
             if not np.isfinite(step).all():
                 return None
-            change, away = step[: row.size], away + step
+            change, offset = step[: row.size], offset + step
             if converged:
-                factor = at.factor + self.growing.largest * float(change[-1])
-                return replace(at, factor=factor, remainder=at.structure.model.moved(scale * change[:-1]))
-            at = at.moved(change)
-            converged = bool(np.abs(change).max() < CONVERGED)
+                factor = point.factor + self.loading.largest * float(change[-1])
+                return replace(point, factor=factor, remainder=point.structure.model.moved(scale * change[:-1]))
+            point = point.moved(change)
+            converged = bool(np.abs(change).max() < TOLERANCE)
         return None
 
     def null_vector(self) -> Array:
@@ -219,17 +219,17 @@ class PathPoint:
 
     def determinant_relative_to(self, other: PathPoint) -> float:
         """Return the determinant of K, relative to its size at another point."""
-        (sign, own), (_, reference) = self.determinant, other.determinant
-        return sign * float(np.exp(own - reference))
+        (sign, logarithm), (_, reference) = self.determinant, other.determinant
+        return sign * float(np.exp(logarithm - reference))
 
     def chord(self, other: PathPoint) -> Array:
-        """Return the way to another point, (N + 1,)."""
-        way = (other.q - self.q) / self.structure.model.free_scale
-        return np.append(way, (other.factor - self.factor) / self.growing.largest)
+        """Return the difference to another point, (N + 1,)."""
+        difference = (other.q - self.q) / self.structure.model.free_scale
+        return np.append(difference, (other.factor - self.factor) / self.loading.largest)
 
 
 @dataclass(frozen=True, eq=False)
-class PathLeg:
+class PathStep:
     """One step along a path."""
 
     end: PathPoint
@@ -237,19 +237,19 @@ class PathLeg:
     kind: Literal["limit", "bifurcation"] | None = None  # its kind
 
 
-def follow_path(here: PathPoint, tangent: Array, step: float, *, regular: bool = True) -> Iterator[PathLeg]:
+def follow_path(point: PathPoint, tangent: Array, step: float, *, regular: bool = True) -> Iterator[PathStep]:
     """Follow a path up to the largest factor, or until no step is short enough; ``regular`` as of ``next_point``."""
-    while abs(here.factor) < here.growing.largest and step > CONVERGED:
-        following = next_point(here, tangent, step, regular=regular)
-        if following is None:
+    while abs(point.factor) < point.loading.largest and step > TOLERANCE:
+        next_step = next_point(point, tangent, step, regular=regular)
+        if next_step is None:
             step /= 2
             continue
-        points, direction = following
+        points, direction = next_step
         if len(points) == 2:
-            yield PathLeg(points[1], points[0], "limit" if tangent[-1] * direction[-1] < 0.0 else "bifurcation")
+            yield PathStep(points[1], points[0], "limit" if tangent[-1] * direction[-1] < 0.0 else "bifurcation")
         else:
-            yield PathLeg(points[0])
-        here, tangent, step, regular = points[-1], direction, min(2 * step, longest_step(direction)), True
+            yield PathStep(points[0])
+        point, tangent, step, regular = points[-1], direction, min(2 * step, longest_step(direction)), True
 
 
 def null_shape(critical: PathPoint) -> Array:
@@ -263,72 +263,72 @@ def branch_tangent(bifurcation: PathPoint, shape: Array, side: int) -> Array:
     """Return the tangent at a bifurcation of the path that crosses there, along its null vector (size,) or against."""
     model = bifurcation.structure.model
     direction = side * model.of_free(shape) / model.free_scale
-    return np.append(direction / size_of(direction), 0.0)
+    return np.append(direction / rms(direction), 0.0)
 
 
-def next_point(here: PathPoint, tangent: Array, step: float, *, regular: bool) -> tuple[list[PathPoint], Array] | None:
+def next_point(point: PathPoint, tangent: Array, step: float, *, regular: bool) -> tuple[list[PathPoint], Array] | None:
     """Return the critical point, if any, and the equilibrium one step along a path, and the tangent at the latter.
 
     None if the step is too long.  The step ends at the largest factor.  ``regular`` is False at a bifurcation.
     """
     row = _normal(tangent)
-    trial = here.moved(step * tangent).corrected(row)
+    trial = point.moved(step * tangent).correct(row)
     if trial is None:
         return None
     try:
         direction = trial.tangent(row)
-        passed = abs(trial.negative - here.negative) if regular else 0
+        critical_count = abs(trial.negative - point.negative) if regular else 0
     except np.linalg.LinAlgError:
         return None
-    way, slopes = here.chord(trial), np.arange(here.at.coordinates.size).reshape(-1, NODE)[:, 2:]
-    turn = np.linalg.norm((trial.at.coordinates - here.at.coordinates)[slopes], axis=1).max()
+    chord, slopes = point.chord(trial), np.arange(point.at.coordinates.size).reshape(-1, NODE)[:, 2:]
+    rotation = np.linalg.norm((trial.at.coordinates - point.at.coordinates)[slopes], axis=1).max()
     rates = np.array([tangent[-1], direction[-1]])
-    mismatch = abs(way[-1] / size_of(way[:-1]) - rates.mean())
-    follows = (
-        turn <= LARGEST_TURN
-        and abs(way[-1]) <= 2 * LARGEST_STEP
-        and mismatch <= LARGEST_MISMATCH * np.abs(rates).max()
-        and (passed == 1 or (passed == 0 and (rates.prod() >= 0.0 or not regular)))
+    mismatch = abs(chord[-1] / rms(chord[:-1]) - rates.mean())
+    is_smooth = (
+        rotation <= MAX_ROTATION
+        and abs(chord[-1]) <= 2 * MAX_STEP
+        and mismatch <= MAX_MISMATCH * np.abs(rates).max()
+        and (critical_count == 1 or (critical_count == 0 and (rates.prod() >= 0.0 or not regular)))
     )
-    if follows and abs(trial.factor) > here.growing.largest:
-        trial = at_factor(here, trial, math.copysign(here.growing.largest, trial.factor))
-    if not follows or trial is None:
+    if is_smooth and abs(trial.factor) > point.loading.largest:
+        trial = at_factor(point, trial, math.copysign(point.loading.largest, trial.factor))
+    if not is_smooth or trial is None:
         return None
-    if not regular or trial.negative == here.negative:
+    if not regular or trial.negative == point.negative:
         return [trial], direction
-    critical = _critical_between(here, trial, limit=bool(rates.prod() < 0.0))
+    critical = _critical_between(point, trial, limit=bool(rates.prod() < 0.0))
     return None if critical is None else ([critical, trial], direction)
 
 
 def longest_step(tangent: Array) -> float:
     """Return the step by which the factor changes by ``LARGEST_STEP``, at most 1."""
-    return LARGEST_STEP / max(abs(float(tangent[-1])), LARGEST_STEP)
+    return MAX_STEP / max(abs(float(tangent[-1])), MAX_STEP)
 
 
-def size_of(x: Array) -> float:
+def rms(x: Array) -> float:
     """Return the root mean square."""
     return float(np.linalg.norm(x) / np.sqrt(x.size))
 
 
 def _normal(direction: Array) -> Array:
     """Return the normal of the planes on which points are sought along a direction."""
-    if abs(direction[-1]) > STIFF * size_of(direction[:-1]):
+    if abs(direction[-1]) > STEEP * rms(direction[:-1]):
         return np.append(np.zeros(direction.size - 1), 1.0)
     return np.append(direction[:-1], 0.0)
 
 
 def at_factor(first: PathPoint, last: PathPoint, factor: float) -> PathPoint | None:
     """Return the point at a factor between two points of a path; None if Newton's method fails."""
-    near = _root(first, last, lambda one: one.factor - factor, _normal(first.chord(last)))
+    estimate = _root(first, last, lambda point: point.factor - factor, _normal(first.chord(last)))
     row = np.append(np.zeros(first.q.size), 1.0)
-    return near and replace(near, factor=factor).corrected(row)
+    return estimate and replace(estimate, factor=factor).correct(row)
 
 
 def _critical_between(first: PathPoint, last: PathPoint, *, limit: bool) -> PathPoint | None:
     """Return the limit point or bifurcation between two points of a path, whose determinants have opposite signs."""
     chord = first.chord(last)
     row = np.append(chord[:-1], 0.0) if limit else _normal(chord)
-    return _root(first, last, lambda one: one.determinant_relative_to(last), row, deflate=not limit)
+    return _root(first, last, lambda point: point.determinant_relative_to(last), row, deflate=not limit)
 
 
 def _root(
@@ -336,18 +336,18 @@ def _root(
 ) -> PathPoint | None:
     """Return the point between two points of a path at which a value of opposite signs there is zero."""
     chord, point = first.chord(last), last
-    (a, b), (low, high) = (0.0, 1.0), (value(first), value(last))
+    (a, b), (low_value, high_value) = (0.0, 1.0), (value(first), value(last))
     for _ in range(60):
-        x = b - high * (b - a) / (high - low)
-        trial = first.moved(x * chord).corrected(row, point.null_vector() if deflate else None)
+        x = b - high_value * (b - a) / (high_value - low_value)
+        trial = first.moved(x * chord).correct(row, point.null_vector() if deflate else None)
         if trial is None:
             return None
-        point, own, change = trial, value(trial), abs(x - b)
-        if own * high < 0.0:
-            a, low = b, high
+        point, trial_value, change = trial, value(trial), abs(x - b)
+        if trial_value * high_value < 0.0:
+            a, low_value = b, high_value
         else:
-            low /= 2
-        b, high = x, own
-        if own == 0.0 or change < CONVERGED:
+            low_value /= 2
+        b, high_value = x, trial_value
+        if trial_value == 0.0 or change < TOLERANCE:
             break
     return point

@@ -34,7 +34,7 @@ from ancf_casadi.exceptions import EquilibriumError
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.banded import sparse
-from ancf_casadi.vibration.assembly import BANDWIDTH, EPSILON, Position, Structure, refined
+from ancf_casadi.vibration.assembly import BANDWIDTH, EPSILON, Position, Structure, solve_refined
 
 
 def lowest_modes(structure: Structure, at: Position, count: int) -> tuple[Array, Array] | None:
@@ -46,7 +46,7 @@ def lowest_modes(structure: Structure, at: Position, count: int) -> tuple[Array,
     _, stiffness, mass = structure.linearisation(at)
     inertia, product = sparse(mass).tocsr(), structure.stiffness_product(at)
     try:
-        vectors = _vectors(structure.model, stiffness, mass, product, count)
+        vectors = _lowest_eigenvectors(structure.model, stiffness, mass, product, count)
     except np.linalg.LinAlgError:
         return None
     except scipy.sparse.linalg.ArpackError as error:
@@ -57,7 +57,7 @@ def lowest_modes(structure: Structure, at: Position, count: int) -> tuple[Array,
     for k, phi in enumerate(vectors.T):
         phi /= np.sqrt(phi @ (inertia @ phi))
         eigenvalues[k] = phi @ product(phi)
-    rounding = rounding_of(structure.model)
+    rounding = eigenvalue_rounding(structure.model)
     if not (eigenvalues > -rounding).all():
         return None
     eigenvalues[np.abs(eigenvalues) <= rounding] = 0.0
@@ -74,13 +74,13 @@ def is_definite(banded: Array) -> bool:
     return True
 
 
-def rounding_of(model: Model) -> float:
+def eigenvalue_rounding(model: Model) -> float:
     """Return the size below which a squared angular frequency is zero, (rad/s)^2."""
     width, thickness, _, modulus = model.properties
     return 100 * EPSILON * float((modulus * width * thickness).max()) / (model.beam.mass * model.beam.length)
 
 
-def shift_of(model: Model, stiffness: Array, mass: Array) -> float:
+def eigenvalue_shift(model: Model, stiffness: Array, mass: Array) -> float:
     """Return the shift a for matrices of the free coordinates, stored by diagonals, (rad/s)^2."""
     translation, positions = (model.of_free(np.resize(row, model.size)) for row in ([1.0, 0, 0, 0], [1.0, 1.0, 0, 0]))
     total_mass = translation @ (sparse(mass) @ translation)
@@ -89,9 +89,11 @@ def shift_of(model: Model, stiffness: Array, mass: Array) -> float:
     return float(10.0 * EPSILON * (stiffness[BANDWIDTH] @ (positions != 0.0)) / total_mass)  # c in the shift a
 
 
-def _vectors(model: Model, stiffness: Array, mass: Array, product: Callable[[Array], Array], count: int) -> Array:
+def _lowest_eigenvectors(
+    model: Model, stiffness: Array, mass: Array, product: Callable[[Array], Array], count: int
+) -> Array:
     """Return the eigenvectors of the lowest eigenvalues as columns."""
-    size, inertia, shift = mass.shape[1], sparse(mass).tocsr(), shift_of(model, stiffness, mass)
+    size, inertia, shift = mass.shape[1], sparse(mass).tocsr(), eigenvalue_shift(model, stiffness, mass)
     shifted = stiffness + shift * mass
     factors = scipy.linalg.cholesky_banded(shifted[BANDWIDTH:], lower=True), True
     if 2 * count + 1 >= size:  # too many for Lanczos' method
@@ -101,11 +103,11 @@ def _vectors(model: Model, stiffness: Array, mass: Array, product: Callable[[Arr
     def solve(load: Array) -> Array:
         return np.asarray(scipy.linalg.cho_solve_banded(factors, load, check_finite=False))
 
-    def exact(x: Array) -> Array:
+    def product_with_shift(x: Array) -> Array:
         return np.asarray(product(x) + shift * (inertia @ x))
 
     inverse = scipy.sparse.linalg.LinearOperator(
-        (size, size), matvec=lambda load: refined(solve, exact, load), dtype=float
+        (size, size), matvec=lambda load: solve_refined(solve, product_with_shift, load), dtype=float
     )
     start = np.random.default_rng(0).standard_normal(size) / np.sqrt(stiffness[BANDWIDTH])
     _, vectors = scipy.sparse.linalg.eigsh(

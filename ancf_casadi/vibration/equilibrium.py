@@ -1,4 +1,4 @@
-"""An equilibrium of a beam under gravity and loads at points of the beam, and the step to one from next to it.
+"""An equilibrium of a beam under gravity and loads at its points, and Newton's method from a neighbouring position.
 
 At rest the elastic force balances the loads, for all free coordinates:
 
@@ -30,11 +30,11 @@ from ancf_casadi.mechanics.nodes import NODE
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.banded import factorised, sparse
 from ancf_casadi.support.tables import Reported, Table, counted
-from ancf_casadi.vibration.assembly import Position, Structure, refined
-from ancf_casadi.vibration.eigensolver import is_definite, lowest_modes, shift_of
+from ancf_casadi.vibration.assembly import Position, Structure, solve_refined
+from ancf_casadi.vibration.eigensolver import eigenvalue_shift, is_definite, lowest_modes
 
-LARGEST_BEND = 0.5  # of an element, rad; the error of positions is then 3e-4 of the length, and grows steeply
-LARGEST_ROTATION = 0.5  # norm of the change of a slope vector in one load step; about the angle, rad
+MAX_BEND = 0.5  # of an element, rad; the error of positions is then 3e-4 of the length, and grows steeply
+MAX_ROTATION = 0.5  # norm of the change of a slope vector in one load step; about the angle, rad
 
 
 @dataclass(frozen=True)
@@ -84,7 +84,7 @@ class Equilibrium(Reported):
 
     @property
     def structure(self) -> Structure:
-        """The beam and its loads as parts with properties."""
+        """The beam and its loads as groups of equal elements."""
         return Structure.of(self.model, self.all_loads)
 
     @property
@@ -119,7 +119,7 @@ class Equilibrium(Reported):
         _, stiffness, mass = self.structure.linearisation(self.exact)
         if any(load.follower for load in self.all_loads):
             return factorised(stiffness).determinant[0] > 0.0
-        surely = is_definite(stiffness - shift_of(self.model, stiffness, mass) * mass)
+        surely = is_definite(stiffness - eigenvalue_shift(self.model, stiffness, mass) * mass)
         return surely or lowest_modes(self.structure, self.exact, 1) is not None
 
     @property
@@ -151,40 +151,40 @@ class Equilibrium(Reported):
         return f"tip ({x:g}, {y:g}) m, {state}, {counted(self.model.beam.elements, 'element')}"
 
 
-def neighbour(
-    structure: Structure, near: Position, support: Array | float = 0.0, way: Array | None = None
+def neighbouring_equilibrium(
+    structure: Structure, start: Position, support: Array | float = 0.0, support_motion: Array | None = None
 ) -> Position | None:
     """Return the equilibrium next to a position; None if Newton's method fails or a slope rotates too far.
 
-    ``support`` (N,) are generalized forces that carry a part of the loads; they are added to the balance R.  ``way``
-    (size,) is the motion of the supports from the position to the equilibrium; the first correction is that of K.
+    ``support`` (N,) are generalized forces that carry a share of the loads; they are added to the balance R.
+    ``support_motion`` (size,) leads from the position to the equilibrium; only the first correction contains it.
     """
-    model, at = structure.model, near
+    model, position = structure.model, start
     slopes = np.arange(model.size).reshape(-1, NODE)[:, 2:]
     converged = False
     for _ in range(12):
-        at = Position.of(at.coordinates)
-        force, stiffness, mass = structure.linearisation(at)
+        position = Position.of(position.coordinates)
+        force, stiffness, mass = structure.linearisation(position)
         if not model.is_held:
-            stiffness = stiffness + shift_of(model, stiffness, mass) * mass
-        if way is not None:
-            force = force + structure.whole_product(at)(way)
+            stiffness = stiffness + eigenvalue_shift(model, stiffness, mass) * mass
+        if support_motion is not None:
+            force = force + structure.whole_product(position)(support_motion)
         try:
-            step = -refined(factorised(stiffness).solve, structure.stiffness_product(at), force + support)
+            step = -solve_refined(factorised(stiffness).solve, structure.stiffness_product(position), force + support)
         except np.linalg.LinAlgError:
             return None
         if not np.isfinite(step).all():
             return None
-        update, way = model.moved(step) + (0.0 if way is None else way), None
+        update, support_motion = model.moved(step) + (0.0 if support_motion is None else support_motion), None
         if converged:
-            return Position(at.coordinates, update)
-        at = Position.of(at.coordinates + update)
-        rotation = np.linalg.norm(at.coordinates[slopes] - near.coordinates[slopes], axis=1).max()
-        if rotation > 2 * LARGEST_ROTATION:
+            return Position(position.coordinates, update)
+        position = Position.of(position.coordinates + update)
+        rotation = np.linalg.norm(position.coordinates[slopes] - start.coordinates[slopes], axis=1).max()
+        if rotation > 2 * MAX_ROTATION:
             return None
         # of a correction, relative to the beam's length (positions) and to 1/2 (slopes)
         converged = np.abs(update / model.scale).max() < 1e-11
-        if converged and rotation > LARGEST_ROTATION:
+        if converged and rotation > MAX_ROTATION:
             return None
     return None
 
@@ -197,25 +197,25 @@ def largest_bend(model: Model, coordinates: Array) -> float:
     return float(np.abs(model.end_angles(coordinates)).sum(axis=-1).max(initial=0.0))
 
 
-def overbent_elements_text(model: Model, bend: float) -> str:
-    """Return what to do if an element bends by too much (rad); empty if it does not."""
-    if not bend > LARGEST_BEND:
+def bend_advice(model: Model, bend: float) -> str:
+    """Return advice if an element bends by too much (rad); empty if none does."""
+    if not bend > MAX_BEND:
         return ""
     return (
-        f"an element bends by {bend:.2g} rad, more than the {LARGEST_BEND:g} rad that a cubic can follow; use "
-        f"{math.ceil(model.beam.elements * bend / LARGEST_BEND)} elements or more"
+        f"an element bends by {bend:.2g} rad, more than the {MAX_BEND:g} rad that a cubic can follow; use "
+        f"{math.ceil(model.beam.elements * bend / MAX_BEND)} elements or more"
     )
 
 
 def warn_of_overbent_elements(model: Model, coordinates: Array) -> None:
     """Warn if an element bends too far in some coordinates (..., size)."""
-    if text := overbent_elements_text(model, largest_bend(model, coordinates)):
+    if text := bend_advice(model, largest_bend(model, coordinates)):
         warnings.warn(text, stacklevel=3)
 
 
 @contextmanager
 def bends_allowed() -> Iterator[None]:
-    """Do not warn of elements that bend too far, of which the result of a computation tells once."""
+    """Suppress the warning of elements that bend too far, where the result of a computation states it once."""
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", "an element bends")
         yield

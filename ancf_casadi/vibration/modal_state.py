@@ -73,30 +73,30 @@ from ancf_casadi.mechanics.model import Model
 from ancf_casadi.support.arrays import Array, Index
 from ancf_casadi.support.banded import BandedFactors, factorised, sparse
 from ancf_casadi.vibration.assembly import BANDWIDTH, EqualElements, Position, Structure, per_element, scatter
-from ancf_casadi.vibration.eigensolver import lowest_modes, shift_of
-from ancf_casadi.vibration.equilibrium import neighbour
+from ancf_casadi.vibration.eigensolver import eigenvalue_shift, lowest_modes
+from ancf_casadi.vibration.equilibrium import neighbouring_equilibrium
 from ancf_casadi.vibration.modes import Modes
 
-SMALLEST_STEP = 1e-3  # relative to the whole change of the properties
+MIN_STEP = 1e-3  # relative to the whole change of the properties
 DIRECTIONS_AT_ONCE = 128  # directions at once: few enough that the products of small matrices stay in the cache
 
 
 def pencil_solver(pencil: Array, diagonal: Array, phi: Array) -> Callable[[Array], Array]:
     """Return a solver with K - lambda M, stored by diagonals, for right-hand sides as columns."""
     scale = 1 / np.sqrt(diagonal)
-    size, held = len(scale), int(np.abs(phi / scale).argmax())
+    size, fixed = len(scale), int(np.abs(phi / scale).argmax())
     rows = np.arange(size) - np.arange(BANDWIDTH, -BANDWIDTH - 1, -1)[:, None]
-    inside = (rows >= 0) & (rows < size)
-    banded = np.where(inside, pencil * scale * scale[np.clip(rows, 0, size - 1)], 0.0)
-    banded[rows == held] = 0.0
-    banded[:, held] = 0.0
-    banded[BANDWIDTH, held] = 1.0
+    in_matrix = (rows >= 0) & (rows < size)
+    banded = np.where(in_matrix, pencil * scale * scale[np.clip(rows, 0, size - 1)], 0.0)
+    banded[rows == fixed] = 0.0
+    banded[:, fixed] = 0.0
+    banded[BANDWIDTH, fixed] = 1.0
     factors = factorised(banded)
 
-    def solve(right: Array) -> Array:
-        right = np.multiply(scale[:, None], right, order="F")
-        right[held] = 0.0
-        return np.asarray(scale[:, None] * factors.solve(right))
+    def solve(right_side: Array) -> Array:
+        right_side = np.multiply(scale[:, None], right_side, order="F")
+        right_side[fixed] = 0.0
+        return np.asarray(scale[:, None] * factors.solve(right_side))
 
     return solve
 
@@ -140,7 +140,7 @@ class ModalState:
     def stiffness_factors(self) -> BandedFactors:
         """Factors of the stiffness K of the free coordinates, shifted as for the modes if the beam is not held."""
         stiffness, mass = self._matrices
-        shift = 0.0 if self.model.is_held else shift_of(self.model, stiffness, mass)
+        shift = 0.0 if self.model.is_held else eigenvalue_shift(self.model, stiffness, mass)
         return factorised(stiffness + shift * mass if shift else stiffness)
 
     @cached_property
@@ -154,29 +154,33 @@ class ModalState:
 
     @cached_property
     def force_jacobians(self) -> list[tuple[EqualElements, Array]]:
-        """dR/dp of the elements of each part, (elements, d, k)."""
-        return [(part, per_element(part.balance.linearisation, *self.inputs(part))[2]) for part in self.structure.parts]
+        """dR/dp of the elements of each group, (elements, d, k)."""
+        return [
+            (group, per_element(group.balance.linearisation, *self.inputs(group))[2]) for group in self.structure.groups
+        ]
 
     @cached_property
     def pencil_jacobians(self) -> list[tuple[EqualElements, Array, Array, Array]]:
-        """Outputs of ``ElementBalance.pencil_jacobians`` for each part, (m, elements, rows, columns)."""
-        found = []
-        for part in self.structure.parts:
-            shape = len(self.eigenvalues), len(part.coordinates)
-            outputs = per_element(part.balance.pencil_jacobians, *self.inputs_of_modes(part))
-            by_coordinate, by_property, of_norm = (output.reshape(*shape, *output.shape[1:]) for output in outputs)
-            found.append((part, by_coordinate, by_property, of_norm))
-        return found
+        """Outputs of ``ElementBalance.pencil_jacobians`` for each group, (m, elements, rows, columns)."""
+        jacobians = []
+        for group in self.structure.groups:
+            shape = len(self.eigenvalues), len(group.coordinates)
+            outputs = per_element(group.balance.pencil_jacobians, *self.inputs_of_modes(group))
+            by_coordinate, by_property, norm_jacobian = (
+                output.reshape(*shape, *output.shape[1:]) for output in outputs
+            )
+            jacobians.append((group, by_coordinate, by_property, norm_jacobian))
+        return jacobians
 
-    def inputs(self, part: EqualElements) -> tuple[Array, Array, Array]:
+    def inputs(self, group: EqualElements) -> tuple[Array, Array, Array]:
         """Return coordinates, properties and constants, one row per element."""
-        return self.structure.inputs(part, self.at)
+        return self.structure.inputs(group, self.at)
 
-    def inputs_of_modes(self, part: EqualElements) -> tuple[Array, ...]:
+    def inputs_of_modes(self, group: EqualElements) -> tuple[Array, ...]:
         """Return coordinates, properties, constants, shapes and eigenvalues, one row per element, mode by mode."""
-        m, elements = len(self.eigenvalues), len(part.coordinates)
-        phi = self.shapes.T[:, part.coordinates].reshape(m * elements, -1)
-        tiled = [np.tile(rows, (m, 1)) for rows in self.inputs(part)]
+        m, elements = len(self.eigenvalues), len(group.coordinates)
+        phi = self.shapes.T[:, group.coordinates].reshape(m * elements, -1)
+        tiled = [np.tile(rows, (m, 1)) for rows in self.inputs(group)]
         return *tiled, phi, np.repeat(self.eigenvalues, elements)[:, None]
 
     @cached_property
@@ -185,70 +189,70 @@ class ModalState:
         return self.structure.linearisation(self.at)[1:]
 
 
-def modes_near(structure: Structure, near: Position, count: int) -> ModalState | None:
+def modes_near(structure: Structure, start: Position, count: int) -> ModalState | None:
     """Return the equilibrium next to a position and its lowest modes; None if there is no stable one."""
-    at = neighbour(structure, near)
-    found = None if at is None else lowest_modes(structure, at, count)
-    if at is None or found is None:
+    position = neighbouring_equilibrium(structure, start)
+    solution = None if position is None else lowest_modes(structure, position, count)
+    if position is None or solution is None:
         return None
-    return ModalState(structure, at, np.arange(count), *found)
+    return ModalState(structure, position, np.arange(count), *solution)
 
 
-def followed_modes(modes: Modes, numbers: Index) -> ModalState:
+def modal_state(modes: Modes, numbers: Index) -> ModalState:
     """Return the modes with the given numbers, from 0, of a beam under gravity alone, as a state to follow."""
-    rest, eigenvalues = modes.equilibrium, modes.angular_frequencies[numbers] ** 2
-    return ModalState(rest.structure, rest.exact, numbers, eigenvalues, modes.shapes[:, numbers])
+    equilibrium, eigenvalues = modes.equilibrium, modes.angular_frequencies[numbers] ** 2
+    return ModalState(equilibrium.structure, equilibrium.exact, numbers, eigenvalues, modes.shapes[:, numbers])
 
 
 def follow(start: ModalState, properties: Array) -> ModalState:
     """Return the same modes of the beam with other properties; fail if there is no stable equilibrium on the way."""
-    here, position, step = start, 0.0, 1.0
-    while position < 1.0:
-        there = min(1.0, position + step)
-        trial = _step(here, start.properties + there * (properties - start.properties), step <= SMALLEST_STEP)
+    state, fraction, step = start, 0.0, 1.0
+    while fraction < 1.0:
+        target = min(1.0, fraction + step)
+        trial = _follow_step(state, start.properties + target * (properties - start.properties), step <= MIN_STEP)
         if trial is None:
             step /= 2
-            if step < SMALLEST_STEP / 2:
+            if step < MIN_STEP / 2:
                 raise EquilibriumError(
-                    f"the beam has no stable equilibrium beyond {position:.3g} of the change of its properties"
+                    f"the beam has no stable equilibrium beyond {fraction:.3g} of the change of its properties"
                 )
             continue
-        here, position = trial, there
+        state, fraction = trial, target
         step *= 2
-    return here
+    return state
 
 
-def _step(here: ModalState, properties: Array, smallest: bool) -> ModalState | None:
+def _follow_step(state: ModalState, properties: Array, smallest: bool) -> ModalState | None:
     """Return the modes of a neighbouring state; None if there is none, or the step is ambiguous and not smallest."""
-    model = here.model
+    model = state.model
     # additional modes computed above the highest one followed
-    count = min(model.freedoms, int(here.numbers.max()) + 1 + 4)
-    state = modes_near(replace(here.structure, properties=properties), here.at, count)
-    if state is None:
+    count = min(model.freedoms, int(state.numbers.max()) + 1 + 4)
+    trial = modes_near(replace(state.structure, properties=properties), state.at, count)
+    if trial is None:
         return None
-    correlations = _correlations(here, state)
+    correlations = _correlations(state, trial)
     modes, targets = scipy.optimize.linear_sum_assignment(-(correlations**2))
     order = modes[np.argsort(targets)]
     # MAC above which the assignment is unique
     if not smallest and (correlations[order, np.arange(len(order))] ** 2).min() <= 0.5:
         return None
     signs = np.sign(correlations[order, np.arange(len(order))])  # each mode continues with its sign
-    numbers, eigenvalues, shapes = state.numbers[order], state.eigenvalues[order], state.shapes[:, order] * signs
-    return replace(state, numbers=numbers, eigenvalues=eigenvalues, shapes=shapes)
+    shapes = trial.shapes[:, order] * signs
+    return replace(trial, numbers=trial.numbers[order], eigenvalues=trial.eigenvalues[order], shapes=shapes)
 
 
-def _correlations(before: ModalState, after: ModalState) -> Array:
-    """Return phi^T M phi_0 / (phi_0^T M phi_0)^(1/2), the signed root of the MAC, (modes after, modes before)."""
-    shapes = before.model.of_free(before.shapes)
-    inertia = after.inertia @ shapes
-    return np.asarray(after.model.of_free(after.shapes).T @ inertia / np.sqrt(np.sum(shapes * inertia, axis=0)))
+def _correlations(first: ModalState, second: ModalState) -> Array:
+    """Return phi^T M phi_0 / (phi_0^T M phi_0)^(1/2), the signed root of the MAC, (modes of second, modes of first)."""
+    shapes = first.model.of_free(first.shapes)
+    inertia = second.inertia @ shapes
+    return np.asarray(second.model.of_free(second.shapes).T @ inertia / np.sqrt(np.sum(shapes * inertia, axis=0)))
 
 
 def coordinate_derivatives(state: ModalState, directions: Array) -> Array:
     """Return the derivatives of the coordinates at rest along N changes of the properties, (4 n + 4, N)."""
     model, force = state.model, np.zeros((state.model.size, directions.shape[1]))
-    for part, force_jacobian in state.force_jacobians:
-        force += scatter(part.coordinates, force_jacobian @ directions[part.properties], model.size)
+    for group, force_jacobian in state.force_jacobians:
+        force += scatter(group.coordinates, force_jacobian @ directions[group.properties], model.size)
     return np.asarray(model.moved(-state.stiffness_factors.solve(model.of_free(force))))
 
 
@@ -261,16 +265,16 @@ def sensitivities(state: ModalState, directions: Array) -> tuple[Array, Array, A
     model, size, m, N = state.model, state.model.size, len(state.eigenvalues), directions.shape[1]
     coordinates = coordinate_derivatives(state, directions)
     f, half_norm = np.zeros((m, size, N)), np.zeros((m, N))
-    for part, by_coordinate, by_property, of_norm in state.pencil_jacobians:
-        dq, dp = coordinates[part.coordinates], directions[part.properties]
+    for group, by_coordinate, by_property, norm_jacobian in state.pencil_jacobians:
+        dq, dp = coordinates[group.coordinates], directions[group.properties]
         for k in range(m):
-            f[k] += scatter(part.coordinates, by_coordinate[k] @ dq + by_property[k] @ dp, size)
-            half_norm[k] += (of_norm[k] @ dp).sum(axis=(0, 1))
+            f[k] += scatter(group.coordinates, by_coordinate[k] @ dq + by_property[k] @ dp, size)
+            half_norm[k] += (norm_jacobian[k] @ dp).sum(axis=(0, 1))
     eigenvalues, shapes = np.zeros((m, N)), np.zeros((m, size, N))
     for k, phi in enumerate(model.of_free(state.shapes).T):
-        inertia, own = state.inertia @ phi, model.of_free(f[k])
-        eigenvalues[k] = phi @ own
-        particular = state.pencil_solvers[k](np.outer(inertia, eigenvalues[k]) - own)
+        inertia, free_force = state.inertia @ phi, model.of_free(f[k])
+        eigenvalues[k] = phi @ free_force
+        particular = state.pencil_solvers[k](np.outer(inertia, eigenvalues[k]) - free_force)
         shapes[k] = model.moved(particular - np.outer(phi, inertia @ particular + half_norm[k]))
     return coordinates, eigenvalues, shapes
 
@@ -279,14 +283,14 @@ def gradient(state: ModalState, b: Array, c: Array) -> Array:
     """Return the derivatives, (properties, C), of C combinations with weights b (m, C) and c (m, 4 n + 4, C)."""
     a, beta, z = multipliers(state, b, c)
     total = np.zeros((state.properties.size, b.shape[1]))
-    for (part, force_jacobian), (_, _, by_property, of_norm) in zip(
+    for (group, force_jacobian), (_, _, by_property, norm_jacobian) in zip(
         state.force_jacobians, state.pencil_jacobians, strict=True
     ):
-        terms = force_jacobian.transpose(0, 2, 1) @ z[part.coordinates]
+        terms = force_jacobian.transpose(0, 2, 1) @ z[group.coordinates]
         for k in range(len(beta)):
-            terms += by_property[k].transpose(0, 2, 1) @ a[k, part.coordinates]
-            terms -= of_norm[k].transpose(0, 2, 1) * beta[k]
-        total += scatter(part.properties, terms, len(total))
+            terms += by_property[k].transpose(0, 2, 1) @ a[k, group.coordinates]
+            terms -= norm_jacobian[k].transpose(0, 2, 1) * beta[k]
+        total += scatter(group.properties, terms, len(total))
     return total
 
 
@@ -295,13 +299,13 @@ def multipliers(state: ModalState, b: Array, c: Array) -> tuple[Array, Array, Ar
     model = state.model
     a, beta, force = np.zeros_like(c), np.zeros_like(b), np.zeros(c.shape[1:])
     for k, phi in enumerate(model.of_free(state.shapes).T):
-        inertia, own = state.inertia @ phi, model.of_free(c[k])
-        beta[k] = phi @ own
-        particular = state.pencil_solvers[k](np.outer(inertia, beta[k]) - own)
+        inertia, free_weights = state.inertia @ phi, model.of_free(c[k])
+        beta[k] = phi @ free_weights
+        particular = state.pencil_solvers[k](np.outer(inertia, beta[k]) - free_weights)
         a[k] = model.moved(particular + np.outer(phi, b[k] - inertia @ particular))
-    for part, by_coordinate, _, _ in state.pencil_jacobians:
+    for group, by_coordinate, _, _ in state.pencil_jacobians:
         for k, block in enumerate(by_coordinate):
-            force += scatter(part.coordinates, block.transpose(0, 2, 1) @ a[k, part.coordinates], len(force))
+            force += scatter(group.coordinates, block.transpose(0, 2, 1) @ a[k, group.coordinates], len(force))
     return a, beta, model.moved(-state.stiffness_factors.solve(model.of_free(force)))
 
 
@@ -316,14 +320,14 @@ def hessian(state: ModalState, directions: Array, b: Array, c: Array) -> Array:
     shapes: list[Array] = []
     for begin in range(0, N, DIRECTIONS_AT_ONCE):
         columns = slice(begin, begin + DIRECTIONS_AT_ONCE)
-        first = sensitivities(state, directions[:, columns])
-        half[:, columns] = np.asarray(transposed @ _b_of_all_properties(state, directions[:, columns], first, blocks))
-        eigenvalues[:, columns] = first[1]
-        own = np.array([of_free(shape) for shape in first[2]])
-        for k, shape in enumerate(own):
+        derivatives = sensitivities(state, directions[:, columns])
+        half[:, columns] = np.asarray(transposed @ _property_block(state, directions[:, columns], derivatives, blocks))
+        eigenvalues[:, columns] = derivatives[1]
+        free_shapes = np.array([of_free(shape) for shape in derivatives[2]])
+        for k, shape in enumerate(free_shapes):
             projections[k, columns] = (state.inertia @ of_free(a[k, :, 0])) @ shape
         if beta.any():
-            shapes.append(own)
+            shapes.append(free_shapes)
     if shapes:
         for k, shape in enumerate(np.concatenate(shapes, axis=2)):
             normalisation -= beta[k] * shape.T @ (state.inertia @ shape)
@@ -332,39 +336,39 @@ def hessian(state: ModalState, directions: Array, b: Array, c: Array) -> Array:
 
 
 def _lagrangian_hessians(state: ModalState, a: Array, beta: Array, z: Array) -> list[tuple[EqualElements, Array]]:
-    """Return 1/2 L_uu and L_uv of the elements of each part side by side, (elements, d + k, d + k + m (d + 1))."""
-    m, found = len(beta), []
-    for part in state.structure.parts:
-        elements, shared = len(part.coordinates), sum(part.balance.sizes)
-        (of_forces,) = per_element(part.balance.force_hessian, *state.inputs(part), z[part.coordinates])
-        inputs = a[:, part.coordinates].reshape(m * elements, -1), np.repeat(beta, elements)[:, None]
-        (of_modes,) = per_element(part.balance.pencil_hessian, *state.inputs_of_modes(part), *inputs)
-        of_modes = of_modes.reshape(m, elements, *of_modes.shape[1:])[:, :, :shared]
-        of_u = (of_forces + of_modes[:, :, :, :shared].sum(axis=0)) / 2
-        found.append((part, np.concatenate([of_u, *of_modes[:, :, :, shared:]], axis=2)))
-    return found
+    """Return 1/2 L_uu and L_uv of the elements of each group side by side, (elements, d + k, d + k + m (d + 1))."""
+    m, hessians = len(beta), []
+    for group in state.structure.groups:
+        elements, u_size = len(group.coordinates), sum(group.balance.sizes)
+        (force_hessians,) = per_element(group.balance.force_hessian, *state.inputs(group), z[group.coordinates])
+        inputs = a[:, group.coordinates].reshape(m * elements, -1), np.repeat(beta, elements)[:, None]
+        (mode_hessians,) = per_element(group.balance.pencil_hessian, *state.inputs_of_modes(group), *inputs)
+        mode_hessians = mode_hessians.reshape(m, elements, *mode_hessians.shape[1:])[:, :, :u_size]
+        state_hessian = (force_hessians + mode_hessians[:, :, :, :u_size].sum(axis=0)) / 2
+        hessians.append((group, np.concatenate([state_hessian, *mode_hessians[:, :, :, u_size:]], axis=2)))
+    return hessians
 
 
-def _b_of_all_properties(
+def _property_block(
     state: ModalState,
     directions: Array,
-    first: tuple[Array, Array, Array],
+    derivatives: tuple[Array, Array, Array],
     blocks: list[tuple[EqualElements, Array]],
 ) -> Array:
-    """Return B with all properties as its rows and the directions, with their derivatives ``first``, as its columns."""
+    """Return B, a row for each property and a column for each direction with its ``derivatives``."""
     model, N = state.model, directions.shape[1]
-    coordinates, eigenvalues, shapes = first
+    coordinates, eigenvalues, shapes = derivatives
     by_coordinate, by_property = np.zeros_like(coordinates), np.zeros_like(directions)
-    for part, block in blocks:
-        d = part.balance.sizes[0]
-        rows = [coordinates[part.coordinates], directions[part.properties]]
+    for group, block in blocks:
+        d = group.balance.sizes[0]
+        rows = [coordinates[group.coordinates], directions[group.properties]]
         for shape, eigenvalue in zip(shapes, eigenvalues, strict=True):
-            rows += [shape[part.coordinates], np.broadcast_to(eigenvalue, (len(block), 1, N))]
+            rows += [shape[group.coordinates], np.broadcast_to(eigenvalue, (len(block), 1, N))]
         terms = block @ np.concatenate(rows, axis=1)
-        by_coordinate += scatter(part.coordinates, terms[:, :d], len(by_coordinate))
-        by_property += scatter(part.properties, terms[:, d:], len(by_property))
+        by_coordinate += scatter(group.coordinates, terms[:, :d], len(by_coordinate))
+        by_property += scatter(group.properties, terms[:, d:], len(by_property))
     z = model.moved(-state.stiffness_factors.solve(model.of_free(by_coordinate)))
-    for part, force_jacobian in state.force_jacobians:
-        terms = force_jacobian.transpose(0, 2, 1) @ z[part.coordinates]
-        by_property += scatter(part.properties, terms, len(by_property))
+    for group, force_jacobian in state.force_jacobians:
+        terms = force_jacobian.transpose(0, 2, 1) @ z[group.coordinates]
+        by_property += scatter(group.properties, terms, len(by_property))
     return by_property

@@ -38,12 +38,12 @@ from ancf_casadi.support.inputs import array, check_instance, number, numbers, w
 from ancf_casadi.support.interrupts import lasting_interrupts
 from ancf_casadi.support.tables import Reported, Table, counted, spread
 from ancf_casadi.vibration.assembly import Position
-from ancf_casadi.vibration.eigensolver import lowest_modes, rounding_of
+from ancf_casadi.vibration.eigensolver import eigenvalue_rounding, lowest_modes
 from ancf_casadi.vibration.equilibrium import Equilibrium, short_elements_advice, warn_of_overbent_elements
 from ancf_casadi.vibration.statics import static_equilibrium
 
 STATIONS = 101  # points along the beam at which shapes are given
-FAR = 4.0  # ratio of measured and computed frequencies that no modulus within a factor of ten explains
+MAX_FREQUENCY_RATIO = 4.0  # ratio of measured and computed frequencies that no modulus within a factor of ten explains
 
 
 @dataclass(frozen=True)
@@ -173,55 +173,56 @@ class Modes(Reported):
         k, amplitude = whole(mode, "mode", 1, self.count) - 1, number(amplitude, "amplitude")
         if self.frequencies[k] == 0.0:
             raise InputError(f"mode {mode} is a rigid motion, which bends nothing", "mode")
-        coordinates = self._bent(k, amplitude)
+        coordinates = self._bend_to_amplitude(k, amplitude)
         warn_of_overbent_elements(self.model, coordinates)
         return State(coordinates, np.zeros(self.model.size))
 
-    def _bent(self, k: int, amplitude: float) -> Array:
+    def _bend_to_amplitude(self, k: int, amplitude: float) -> Array:
         """Return the coordinates of ``state``, for a mode from 0."""
-        rest, largest = self.equilibrium.coordinates, abs(amplitude)
-        read, length = self.model.interpolation(self.reference_points[k]), self.model.beam.length
-        target, step = np.zeros(self.count), math.copysign(largest / float(self.tip_amplitudes()[k]), amplitude)
-        at, reached = rest, 0.0
+        equilibrium, target = self.equilibrium.coordinates, abs(amplitude)
+        interpolation, length = self.model.interpolation(self.reference_points[k]), self.model.beam.length
+        modal, step = np.zeros(self.count), math.copysign(target / float(self.tip_amplitudes()[k]), amplitude)
+        coordinates, reached = equilibrium, 0.0
         for _ in range(100):
-            if abs(largest - reached) <= 1e-9 * length:
-                return at
-            trial = self._least_energy(at, target + step * (np.arange(self.count) == k))
+            if abs(target - reached) <= 1e-9 * length:
+                return coordinates
+            trial = self._minimise_energy(coordinates, modal + step * (np.arange(self.count) == k))
             if trial is None:
                 step /= 2
                 continue
-            target[k] += step
-            moved = float(np.linalg.norm(read @ (trial - rest)))
-            rate = step / (moved - reached) if moved != reached else math.nan
-            at, reached, step = trial, moved, rate * (largest - moved)
+            modal[k] += step
+            displacement = float(np.linalg.norm(interpolation @ (trial - equilibrium)))
+            rate = step / (displacement - reached) if displacement != reached else math.nan
+            coordinates, reached, step = trial, displacement, rate * (target - displacement)
         raise EquilibriumError(
-            f"mode {k + 1} cannot displace the beam by {largest:g} m at {self.reference_points[k]:g} m, only by "
+            f"mode {k + 1} cannot displace the beam by {target:g} m at {self.reference_points[k]:g} m, only by "
             f"{reached:.3g} m; give a smaller amplitude"
         )
 
-    def _least_energy(self, near: Array, modal: Array) -> Array | None:
-        """Return the coordinates of least energy with modal coordinates (m,) near others; None if there are none.
+    def _minimise_energy(self, start: Array, modal: Array) -> Array | None:
+        """Return the coordinates of least energy with modal coordinates (m,), by Newton's method from a start.
 
-        They satisfy R = M Phi mu and Phi^T M (e - e_rest) = modal, by Newton's method.
+        They satisfy R = M Phi mu and Phi^T M (e - e_rest) = modal.  None if the method fails.
         """
-        model, structure, rest, at = self.model, self.equilibrium.structure, self.equilibrium.coordinates, near
-        held = model.of_free(model.mass(model.properties).sparse() @ self.shapes)
+        model, structure = self.model, self.equilibrium.structure
+        reference, coordinates = self.equilibrium.coordinates, start
+        modal_inertia = model.of_free(model.mass(model.properties).sparse() @ self.shapes)
         for _ in range(12):
-            balance, stiffness, _ = structure.linearisation(Position.of(at))
+            balance, stiffness, _ = structure.linearisation(Position.of(coordinates))
             try:
-                solutions = factorised(stiffness).solve(np.column_stack([balance, held]))
-                missing = modal - held.T @ (model.of_free(at - rest) - solutions[:, 0])
+                solutions = factorised(stiffness).solve(np.column_stack([balance, modal_inertia]))
+                mismatch = modal - modal_inertia.T @ (model.of_free(coordinates - reference) - solutions[:, 0])
                 change = model.moved(
-                    solutions[:, 1:] @ np.linalg.solve(held.T @ solutions[:, 1:], missing) - solutions[:, 0]
+                    solutions[:, 1:] @ np.linalg.solve(modal_inertia.T @ solutions[:, 1:], mismatch) - solutions[:, 0]
                 )
             except np.linalg.LinAlgError:
                 return None
-            at = at + change
-            turned = np.abs((at - near) / model.scale).reshape(-1, NODE)[:, 2:].max()
-            if not turned < 1.0:  # 0.5 rad
+            coordinates = coordinates + change
+            rotation = np.abs((coordinates - start) / model.scale).reshape(-1, NODE)[:, 2:].max()
+            if not rotation < 1.0:  # 0.5 rad
                 return None
             if float(np.abs(change / model.scale).max()) < 1e-10:
-                return np.asarray(at)
+                return np.asarray(coordinates)
         return None
 
     def along(self, points: ArrayLike) -> Array:
@@ -329,25 +330,25 @@ def natural_modes(model: Model, *, count: int = 5, equilibrium: Equilibrium | No
         equilibrium = static_equilibrium(model)
     if equilibrium.model != model:
         raise InputError("belongs to another model", "equilibrium")
-    found = lowest_modes(equilibrium.structure, equilibrium.exact, count)
-    if found is None:
-        short = short_elements_advice(model)
+    solution = lowest_modes(equilibrium.structure, equilibrium.exact, count)
+    if solution is None:
+        advice = short_elements_advice(model)
         raise EquilibriumError(
             "the equilibrium is unstable, so it has no modes; a standing beam may be too slender for its weight"
-            + (f", and {short}" if short else "")
+            + (f", and {advice}" if advice else "")
         )
-    eigenvalues, shapes = found
+    eigenvalues, shapes = solution
     # an eigenvalue at this limit is wrong by up to a tenth of a percent
-    limited = np.count_nonzero(eigenvalues < 10 * rounding_of(model)) if model.is_held else 0
+    limited = np.count_nonzero(eigenvalues < 10 * eigenvalue_rounding(model)) if model.is_held else 0
     if limited:
         warnings.warn(
             f"rounding limits the frequencies up to mode {limited}: the beam is so slender that its bending is lost "
             "beside its stretching; check thickness and length",
             stacklevel=4,
         )
-    moved = _reference_displacements(model, shapes)
-    larger = np.abs(moved).argmax(axis=0)
-    shapes *= np.where(moved[larger, np.arange(count)] < 0, -1.0, 1.0)
+    displacements = _reference_displacements(model, shapes)
+    larger = np.abs(displacements).argmax(axis=0)
+    shapes *= np.where(displacements[larger, np.arange(count)] < 0, -1.0, 1.0)
     return Modes(equilibrium, np.sqrt(eigenvalues) / (2 * np.pi), shapes)
 
 
@@ -356,19 +357,19 @@ def _reference_points(model: Model, shapes: Array) -> tuple[float, ...]:
     beam = model.beam
     if not beam.tip_is_held:
         return (beam.length,) * int(shapes.shape[1])
-    found = []
+    points = []
     for phi in shapes.T:
-        moved = np.linalg.norm(phi.reshape(-1, NODE)[model.root :, :2], axis=1)
-        most = beam.node_points[moved > (1 - 1e-9) * moved.max()]
-        found.append(float(most[np.abs(most - beam.length / 2).argmin()]))
-    return tuple(found)
+        displacements = np.linalg.norm(phi.reshape(-1, NODE)[model.root :, :2], axis=1)
+        candidates = beam.node_points[displacements > (1 - 1e-9) * displacements.max()]
+        points.append(float(candidates[np.abs(candidates - beam.length / 2).argmin()]))
+    return tuple(points)
 
 
 def _reference_displacements(model: Model, shapes: Array) -> Array:
     """Return the displacements of the reference points in mode shapes (4 n + 4, m), (2, m)."""
     points = _reference_points(model, shapes)
-    rows = {s: model.interpolation(s) for s in points}
-    return np.column_stack([rows[s] @ phi for s, phi in zip(points, shapes.T, strict=True)])
+    interpolations = {s: model.interpolation(s) for s in points}
+    return np.column_stack([interpolations[s] @ phi for s, phi in zip(points, shapes.T, strict=True)])
 
 
 def mac(first: Array, second: Array) -> Array:
@@ -404,10 +405,10 @@ def mac(first: Array, second: Array) -> Array:
     return np.asarray(cross / np.outer((first**2).sum(axis=0), (second**2).sum(axis=0)))
 
 
-def unit_doubt(measured: Array, computed: Array) -> str:
-    """Return a doubt about the unit of measured frequencies, all far on one side of those of a model; empty if none."""
+def unit_warning(measured: Array, computed: Array) -> str:
+    """Return a warning if measured frequencies are all far above or below those of a model, as in another unit."""
     ratios = measured / np.maximum(computed, np.finfo(float).tiny)
-    if 1 / FAR < ratios.max() and ratios.min() < FAR:
+    if 1 / MAX_FREQUENCY_RATIO < ratios.max() and ratios.min() < MAX_FREQUENCY_RATIO:
         return ""
     pairs = (", ".join(f"{f:.4g}" for f in frequencies[:3]) for frequencies in (measured, computed))
     return (

@@ -31,9 +31,9 @@ from ancf_casadi.support.inputs import check_instance, instances, number, positi
 from ancf_casadi.support.interrupts import lasting_interrupts
 from ancf_casadi.support.tables import Displayed, Reported, Table, counted, spread
 from ancf_casadi.vibration.continuation import (
-    LARGEST_STEP,
-    Growing,
+    MAX_STEP,
     PathPoint,
+    ProportionalLoading,
     at_factor,
     branch_tangent,
     follow_path,
@@ -135,20 +135,20 @@ class EquilibriumPath(Reported):
         EquilibriumError
             If an equilibrium is so close to a bifurcation that it is not found.
         """
-        factor, found = number(factor, "factor"), []
-        growing = Growing(self.model, self.loads, float(np.abs(self.factors).max()))
+        factor, equilibria = number(factor, "factor"), []
+        growing = ProportionalLoading(self.model, self.loads, float(np.abs(self.factors).max()))
         points = [growing.point(*pair) for pair in zip(self.factors.tolist(), self.equilibria, strict=True)]
         for first, last in pairwise(points):
             if (first.factor - factor) * (last.factor - factor) < 0.0:
-                between = at_factor(first, last, factor)
-                if between is None:
+                point = at_factor(first, last, factor)
+                if point is None:
                     raise EquilibriumError(
                         f"no equilibrium was found at the factor {factor:g}, next to a critical point"
                     )
-                found.append(between.equilibrium)
+                equilibria.append(point.equilibrium)
             elif first.factor == factor:
-                found.append(first.equilibrium)
-        return (*found, *(one.equilibrium for one in points[-1:] if one.factor == factor))
+                equilibria.append(first.equilibrium)
+        return (*equilibria, *(point.equilibrium for point in points[-1:] if point.factor == factor))
 
     def positions(self, point: float | None = None) -> Array:
         """Return the position (x, y) of a point, (k, 2), m.
@@ -159,25 +159,25 @@ class EquilibriumPath(Reported):
             Arc length, m; ``reference_point`` if not given.
         """
         rows = self.model.interpolation(self.reference_point if point is None else point)
-        return np.array([rows @ one.coordinates for one in self.equilibria])
+        return np.array([rows @ equilibrium.coordinates for equilibrium in self.equilibria])
 
     @cached_property
     def reference_point(self) -> float:
         """Arc length of the node that moves most, m."""
-        coordinates = np.array([one.coordinates for one in self.equilibria])
-        moved = (coordinates - coordinates[0]).reshape(len(coordinates), -1, NODE)[:, self.model.root :, :2]
-        return float(self.model.beam.node_points[np.linalg.norm(moved, axis=2).max(axis=0).argmax()])
+        coordinates = np.array([equilibrium.coordinates for equilibrium in self.equilibria])
+        displacements = (coordinates - coordinates[0]).reshape(len(coordinates), -1, NODE)[:, self.model.root :, :2]
+        return float(self.model.beam.node_points[np.linalg.norm(displacements, axis=2).max(axis=0).argmax()])
 
     @property
     def critical_indices(self) -> dict[int, CriticalPoint]:
         """The critical points by their number in the path, from 0."""
-        own = {id(one.equilibrium): one for one in self.critical_points}
-        return {k: own[id(rest)] for k, rest in enumerate(self.equilibria) if id(rest) in own}
+        critical = {id(point.equilibrium): point for point in self.critical_points}
+        return {k: critical[id(state)] for k, state in enumerate(self.equilibria) if id(state) in critical}
 
     def table(self) -> Table:
         """Return the factor and the position of the reference point at both ends and at the critical points."""
         kinds = {0: "begin", len(self.factors) - 1: "end"}
-        kinds |= {k: one.kind for k, one in self.critical_indices.items()}
+        kinds |= {k: point.kind for k, point in self.critical_indices.items()}
         x, y = self.positions().T.tolist()
         rows = [(kinds[k], float(self.factors[k]), x[k], y[k]) for k in sorted(kinds)]
         title = f"Path of {len(self.factors)} equilibria, {np.count_nonzero(~self.stable)} of them unstable"
@@ -190,8 +190,8 @@ class EquilibriumPath(Reported):
             "kind": "equilibrium path",
             "factors": self.factors.tolist(),
             "stable": self.stable.tolist(),
-            "critical_points": [{"kind": one.kind, "factor": one.factor} for one in self.critical_points],
-            "coordinates": [one.coordinates.tolist() for one in self.equilibria],
+            "critical_points": [{"kind": point.kind, "factor": point.factor} for point in self.critical_points],
+            "coordinates": [state.coordinates.tolist() for state in self.equilibria],
             "complete": self.complete,
         }
 
@@ -274,56 +274,55 @@ def equilibrium_path(
     """
     check_instance(model, "model", Model)
     check_instance(start, "start", CriticalPoint, NoneType)
-    acting = instances(loads, "loads", PointLoad, LineLoad, least=0)
-    growing = Growing(model, acting, positive(largest_factor, "largest_factor"))
+    applied_loads = instances(loads, "loads", PointLoad, LineLoad, least=0)
+    loading = ProportionalLoading(model, applied_loads, positive(largest_factor, "largest_factor"))
     most_steps, side = whole(most_steps, "most_steps", 1), whole(side, "side", -1, 1)
-    if not (growing.moves or any(any(load.values) for load in acting)):
+    if not (loading.moves or any(any(load.values) for load in applied_loads)):
         raise InputError("are zero, and no support is displaced, so nothing grows with the factor", "loads")
     if side == 0:
         raise InputError("must be 1 or -1", "side")
-    here, tangent, step = _beginning(growing) if start is None else _crossing(growing, start, side)
-    factors, equilibria, stable = [here.factor], [here.equilibrium], [start is None and here.negative == 0]
-    critical: list[CriticalPoint] = []
-    for leg in islice(follow_path(here, tangent, step, regular=start is None), most_steps):
-        if leg.critical is not None and leg.kind is not None:
-            critical.append(
-                CriticalPoint(leg.critical.factor, leg.kind, leg.critical.equilibrium, null_shape(leg.critical))
-            )
-        for point in (leg.critical, leg.end):
-            if point is not None:
-                factors.append(point.factor)
-                equilibria.append(point.equilibrium)
-                stable.append(point is leg.end and point.negative == 0)
-        here = leg.end
+    point, tangent, step = _beginning(loading) if start is None else _crossing(loading, start, side)
+    factors, equilibria, stable = [point.factor], [point.equilibrium], [start is None and point.negative == 0]
+    critical_points: list[CriticalPoint] = []
+    for path_step in islice(follow_path(point, tangent, step, regular=start is None), most_steps):
+        if path_step.critical is not None and path_step.kind is not None:
+            critical, shape = path_step.critical, null_shape(path_step.critical)
+            critical_points.append(CriticalPoint(critical.factor, path_step.kind, critical.equilibrium, shape))
+        for path_point in (path_step.critical, path_step.end):
+            if path_point is not None:
+                factors.append(path_point.factor)
+                equilibria.append(path_point.equilibrium)
+                stable.append(path_point is path_step.end and path_point.negative == 0)
+        point = path_step.end
     if len(factors) == 1:
         raise EquilibriumError(
-            f"the path of equilibria has no point after the factor {here.factor:g}; use more elements, or a smaller "
+            f"the path of equilibria has no point after the factor {point.factor:g}; use more elements, or a smaller "
             "largest factor if a value is in the wrong unit"
         )
     warn_of_overbent_elements(model, np.array([equilibrium.coordinates for equilibrium in equilibria]))
-    complete = abs(here.factor) >= growing.largest
-    numbers = np.array(factors), tuple(equilibria), np.array(stable)
-    return EquilibriumPath(model, acting, *numbers, tuple(critical), complete)
+    complete = abs(point.factor) >= loading.largest
+    arrays = np.array(factors), tuple(equilibria), np.array(stable)
+    return EquilibriumPath(model, applied_loads, *arrays, tuple(critical_points), complete)
 
 
-def _beginning(growing: Growing) -> tuple[PathPoint, Array, float]:
+def _beginning(loading: ProportionalLoading) -> tuple[PathPoint, Array, float]:
     """Return the equilibrium without loads, the tangent there, and the first step."""
-    here = growing.point(0.0, static_equilibrium(growing.model_at(0.0)))
-    if not here.rate.any():
+    point = loading.point(0.0, static_equilibrium(loading.model_at(0.0)))
+    if not point.rate.any():
         raise InputError("act on supports alone, so the factor does not change the equilibrium", "loads")
-    lowest = None if growing.model.is_held else lowest_modes(here.structure, here.at, 1)
-    if lowest is not None and not lowest[0].any():
+    lowest_mode = None if loading.model.is_held else lowest_modes(point.structure, point.at, 1)
+    if lowest_mode is not None and not lowest_mode[0].any():
         raise EquilibriumError("the beam moves without resistance; hold it by supports or springs")
-    tangent = here.tangent(np.append(np.zeros(here.q.size), 1.0))
-    return here, tangent, longest_step(tangent)
+    tangent = point.tangent(np.append(np.zeros(point.q.size), 1.0))
+    return point, tangent, longest_step(tangent)
 
 
-def _crossing(growing: Growing, start: CriticalPoint, side: int) -> tuple[PathPoint, Array, float]:
+def _crossing(loading: ProportionalLoading, start: CriticalPoint, side: int) -> tuple[PathPoint, Array, float]:
     """Return a bifurcation, the direction of the path that crosses there, and the first step."""
-    here, known = growing.point(start.factor, start.equilibrium), start.equilibrium
-    same = (known.model, known.loads) == (here.equilibrium.model, here.equilibrium.loads)
-    if not (same and start.kind == "bifurcation"):
+    point, equilibrium = loading.point(start.factor, start.equilibrium), start.equilibrium
+    is_same = (equilibrium.model, equilibrium.loads) == (point.equilibrium.model, point.equilibrium.loads)
+    if not (is_same and start.kind == "bifurcation"):
         raise InputError("is no bifurcation of a path of this model under these loads", "start")
-    if abs(start.factor) >= growing.largest:
-        raise InputError(f"must be beyond the start at {start.factor:g}, got {growing.largest:g}", "largest_factor")
-    return here, branch_tangent(here, start.shape, side), LARGEST_STEP
+    if abs(start.factor) >= loading.largest:
+        raise InputError(f"must be beyond the start at {start.factor:g}, got {loading.largest:g}", "largest_factor")
+    return point, branch_tangent(point, start.shape, side), MAX_STEP

@@ -24,18 +24,23 @@ from ancf_casadi.support.inputs import check_instance, check_size, instances, nu
 from ancf_casadi.support.interrupts import lasting_interrupts
 from ancf_casadi.vibration.assembly import Position, Structure
 from ancf_casadi.vibration.continuation import (
-    LARGEST_STEP,
-    Growing,
-    PathLeg,
+    MAX_STEP,
     PathPoint,
+    PathStep,
+    ProportionalLoading,
     branch_tangent,
     follow_path,
     longest_step,
     null_shape,
 )
-from ancf_casadi.vibration.equilibrium import Equilibrium, neighbour, short_elements_advice, warn_of_overbent_elements
+from ancf_casadi.vibration.equilibrium import (
+    Equilibrium,
+    neighbouring_equilibrium,
+    short_elements_advice,
+    warn_of_overbent_elements,
+)
 
-MOST_PATH_STEPS = 500  # along the path to a stable equilibrium; buckled, slack and hanging strips take 10 to 150
+MAX_PATH_STEPS = 500  # along the path to a stable equilibrium; buckled, slack and hanging strips take 10 to 150
 
 
 @lasting_interrupts()
@@ -98,13 +103,13 @@ def static_equilibrium(
     force, moment = vector(tip_force, "tip_force"), number(tip_moment, "tip_moment")
     check_size(force, "tip_force")
     check_size(moment, "tip_moment")
-    further, side = instances(loads, "loads", PointLoad, LineLoad, least=0), whole(side, "side", -1, 1)
+    other_loads, side = instances(loads, "loads", PointLoad, LineLoad, least=0), whole(side, "side", -1, 1)
     if side == 0:
         raise InputError("must be 1 or -1", "side")
-    straight = Equilibrium(model, model.straight, force, moment, loads=further)
-    at = stable_position(model, straight.all_loads, side)
-    warn_of_overbent_elements(model, at.coordinates)
-    return replace(straight, coordinates=at.coordinates, remainder=at.remainder)
+    straight = Equilibrium(model, model.straight, force, moment, loads=other_loads)
+    position = stable_position(model, straight.all_loads, side)
+    warn_of_overbent_elements(model, position.coordinates)
+    return replace(straight, coordinates=position.coordinates, remainder=position.remainder)
 
 
 def stable_position(model: Model, loads: Sequence[Load], side: int = 1) -> Position:
@@ -126,63 +131,64 @@ def primary_equilibrium(model: Model, loads: Sequence[Load]) -> Equilibrium:
 
 def _follow_load(model: Model, loads: Sequence[Load], *, stable: bool) -> tuple[Position, float]:
     """Return the last equilibrium, or the last stable one, up to the full load in steps of the load, and its factor."""
-    at, factor, step, trials = Position.of(model.straight), 0.0, 1.0, 0
-    weight = -Structure.of(model).linearisation(at)[0]
-    way = model.displacement if model.displacement.any() else None
+    position, factor, step, trials = Position.of(model.straight), 0.0, 1.0, 0
+    weight = -Structure.of(model).linearisation(position)[0]
+    support_motion = model.displacement if model.displacement.any() else None
     # a path that needs smaller steps of the load factor, or more of them, is close to a critical point
     while factor < 1.0 and step >= 1e-5 and trials < 500:
         trials += 1
         s = min(factor + step, 1.0)
-        loaded = Equilibrium(model, at.coordinates, loads=tuple(load.scaled(s) for load in loads))
-        trial = neighbour(loaded.structure, at, (1.0 - s) * weight, None if way is None else (s - factor) * way)
+        loaded = Equilibrium(model, position.coordinates, loads=tuple(load.scaled(s) for load in loads))
+        motion = None if support_motion is None else (s - factor) * support_motion
+        trial = neighbouring_equilibrium(loaded.structure, position, (1.0 - s) * weight, motion)
         if trial is None:
             step /= 2
             continue
         if stable and not replace(loaded, coordinates=trial.coordinates, remainder=trial.remainder).stable:
             break
-        at, factor = trial, s
+        position, factor = trial, s
         step *= 2
-    return at, factor
+    return position, factor
 
 
 def _follow_path(model: Model, loads: Sequence[Load], side: int) -> Position:
     """Return the stable equilibrium under the full load at the end of the path from the straight beam."""
     straight = Position.of(model.straight)
-    growing = Growing(model, tuple(loads), 1.0, -Structure.of(model).linearisation(straight)[0])
-    here, factor = PathPoint(growing, model.of_free(model.straight), 0.0, straight.remainder), 0.0
+    loading = ProportionalLoading(model, tuple(loads), 1.0, -Structure.of(model).linearisation(straight)[0])
+    point, factor = PathPoint(loading, model.of_free(model.straight), 0.0, straight.remainder), 0.0
     try:
-        tangent = here.tangent(np.append(np.zeros(here.q.size), 1.0))
+        tangent = point.tangent(np.append(np.zeros(point.q.size), 1.0))
     except np.linalg.LinAlgError:
         raise _no_equilibrium(model, loads, factor) from None
-    legs, unstable = follow_path(here, tangent, longest_step(tangent)), 0
-    for _ in range(MOST_PATH_STEPS):
-        leg = next(legs, None)
-        if leg is None or leg.end.negative > 1:
+    steps, unstable_modes = follow_path(point, tangent, longest_step(tangent)), 0
+    for _ in range(MAX_PATH_STEPS):
+        path_step = next(steps, None)
+        if path_step is None or path_step.end.negative > 1:
             break
-        if leg.critical is not None and leg.kind == "bifurcation" and not unstable:
-            legs, unstable = _follow_branch(leg.critical, side), 1
+        if path_step.critical is not None and path_step.kind == "bifurcation" and not unstable_modes:
+            steps, unstable_modes = _follow_branch(path_step.critical, side), 1
             continue
-        unstable = leg.end.negative
-        if not unstable:
-            factor = max(factor, leg.end.factor)
+        unstable_modes = path_step.end.negative
+        if not unstable_modes:
+            factor = max(factor, path_step.end.factor)
             if factor >= 1.0:
-                return leg.end.at
-    raise _no_equilibrium(model, loads, factor, snaps=unstable > 0)
+                return path_step.end.at
+    raise _no_equilibrium(model, loads, factor, snaps=unstable_modes > 0)
 
 
-def _follow_branch(crossing: PathPoint, side: int) -> Iterator[PathLeg]:
+def _follow_branch(crossing: PathPoint, side: int) -> Iterator[PathStep]:
     """Follow the path that crosses at a bifurcation: to a side, or to the other one if only that is stable."""
     shape = null_shape(crossing)
-    ways = [
-        follow_path(crossing, branch_tangent(crossing, shape, way), LARGEST_STEP, regular=False)
-        for way in (side, -side)
+    branches = [
+        follow_path(crossing, branch_tangent(crossing, shape, branch_side), MAX_STEP, regular=False)
+        for branch_side in (side, -side)
     ]
-    first_legs = [next(way, None) for way in ways]
-    k = next((k for k, leg in enumerate(first_legs) if leg is not None and leg.end.negative == 0), 0)
-    leg = first_legs[k]
-    if leg is not None:
-        yield leg
-        yield from ways[k]
+    first_steps = [next(branch, None) for branch in branches]
+    k = next((k for k, step in enumerate(first_steps) if step is not None and step.end.negative == 0), 0)
+    first_step = first_steps[k]
+    if first_step is not None:
+        yield first_step
+        yield from branches[k]
 
 
 def _no_equilibrium(model: Model, loads: Sequence[Load], factor: float, *, snaps: bool = False) -> EquilibriumError:

@@ -26,7 +26,7 @@ from ancf_casadi.estimation.solver.unknown import Unknown
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.beam import Beam, SplitBeam
 from ancf_casadi.mechanics.lumped import BEAM_UNITS, PROPERTIES, lumped_kind
-from ancf_casadi.mechanics.model import Model, changed_model, check_curvature, lumped_value, property_rows
+from ancf_casadi.mechanics.model import Model, check_curvature, lumped_value, model_with_properties, property_rows
 from ancf_casadi.mechanics.supports import Clamp
 from ancf_casadi.support.arrays import Array, Index
 from ancf_casadi.vibration.assembly import structure_properties
@@ -125,7 +125,7 @@ def scaled_model(model: Model, owners: Index, factors: Array) -> Model:
     """Return a model with the factors (p,) on its properties."""
     if (factors == 1.0).all():
         return model
-    return changed_model(model, scale_properties(structure_properties(model), owners, factors)[0])
+    return model_with_properties(model, scale_properties(structure_properties(model), owners, factors)[0])
 
 
 def with_clamp(models: Sequence[Model]) -> list[Model]:

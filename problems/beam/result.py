@@ -25,7 +25,7 @@ from ancf_casadi.mechanics.state import State
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.inputs import check_instance
 from ancf_casadi.support.tables import Table, known
-from ancf_casadi.vibration.equilibrium import bends_allowed, overbent_elements_text
+from ancf_casadi.vibration.equilibrium import bend_advice, bends_allowed
 from problems.beam.curves.block import CurveBlock, curve_block
 from problems.beam.curves.record import ResponseRecord
 from problems.beam.motions.block import MotionBlock, motion_block, sensor_noise
@@ -195,7 +195,7 @@ class BeamFit(BlocksResult):
             with bends_allowed(), contextlib.suppress(AncfError):  # none is found again from the straight beam
                 bend = np.fmax(bend, block.largest_bend(self.estimates))
         self.solution.problem.close()
-        notes = [overbent_elements_text(self.given, float(bend))]
+        notes = [bend_advice(self.given, float(bend))]
         name, shift = max(self.mesh_shifts.items(), key=lambda pair: np.nan_to_num(abs(pair[1])))
         if abs(shift) > MOST_MESH_SHIFT:
             elements = self.given.beam.elements

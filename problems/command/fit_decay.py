@@ -14,7 +14,7 @@ from typing import Any, get_args
 
 from ancf_casadi.decay.phase import FrequencyLaw
 from ancf_casadi.decay.release import separate_takes
-from ancf_casadi.decay.rest import Rest
+from ancf_casadi.decay.rest_position import Rest
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.support.files import check_file
@@ -31,11 +31,11 @@ from problems.command.output import (
     result_output,
 )
 from problems.command.record_options import add_record_options, read_record, releases
-from problems.decay.comparison import compare_decay_laws, compared
+from problems.decay.comparison import compare_decay_laws, comparison_arguments
 from problems.decay.fitting import fit_decay, fit_decays
 from problems.decay.law_curve import amplitude_table
 from problems.decay.laws import Law
-from problems.decay.mode_separation import MOST_DECAY_MODES, IsolatedMode, fit_modes, isolate_mode
+from problems.decay.mode_separation import MAX_DECAY_MODES, IsolatedMode, fit_modes, isolate_mode
 from problems.decay.result import DecayFit
 
 
@@ -46,7 +46,7 @@ def add_fit_decay(parser: argparse.ArgumentParser) -> None:
     add_law_options(parser, auto=True)
     about = "of several releases in one record, fit the last, or all as takes of the same mode (default: last)"
     parser.add_argument("--release", choices=("last", "all"), default="last", help=about)
-    about = f"fit the strongest N modes at once, or as many as the record supports, up to {MOST_DECAY_MODES}; give it "
+    about = f"fit the strongest N modes at once, or as many as the record supports, up to {MAX_DECAY_MODES}; give it "
     parser.add_argument("--modes", nargs="?", type=positive_count, const=0, metavar="N", help=f"{about}after the files")
     band = (
         "fit the strongest mode between these frequencies (Hz); stronger modes outside are fitted and subtracted, "
@@ -143,7 +143,7 @@ def _fitted(
     extra: dict[str, Any] = {}
     with located(", ".join(options.files)):
         if _automatic(options):
-            comparison = compare_decay_laws(records[0], release_time=times[0], **compared(**laws))
+            comparison = compare_decay_laws(records[0], release_time=times[0], **comparison_arguments(**laws))
             fits, text = [comparison.best], comparison.report()
             extra["comparison"] = comparison.to_dict()
         else:

@@ -1,9 +1,9 @@
 """Comparison of decay laws on one free decay: all are fitted to the same samples from one release.
 
 Of all combinations of a damping law, a frequency law and a rest position, those are fitted that lead to the best one:
-each damping law with the frequency law that the track of the phase shows (``start``), then each frequency law with the
-best damping law, each rest position with both, and so on, until the best combination was compared with all that differ
-from it in one respect.  A long record is reduced once, less the best curve so far (``solution``).
+each damping law with the frequency law that the track of the phase shows (``starting_values``), then each frequency law
+with the best damping law, each rest position with both, and so on, until the best combination was compared with all
+that differ from it in one choice.  A long record is reduced once, less the best curve so far (``solution``).
 
 Other records that might settle an open choice are the decay of one law from twice the amplitude, over twice the length,
 and over the same length but from its end on, each without noise and fitted by the other law.
@@ -22,9 +22,9 @@ import casadi as cs
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ancf_casadi.decay.first_guess import first_guess, with_rest
+from ancf_casadi.decay.first_guess import first_guess, with_rest_position
 from ancf_casadi.decay.phase import FrequencyLaw
-from ancf_casadi.decay.rest import Rest
+from ancf_casadi.decay.rest_position import Rest
 from ancf_casadi.estimation.comparison import LawComparison
 from ancf_casadi.estimation.criteria import Expectation, expectation
 from ancf_casadi.estimation.fit import Fit
@@ -38,14 +38,14 @@ from ancf_casadi.support.interrupts import lasting_interrupts
 from problems.decay.laws import DECAY_TERMS, RATIO_BOUNDS, DecayModel, Law
 from problems.decay.limitations import refuse_unexplained
 from problems.decay.result import DecayFit
-from problems.decay.solution import after_release, as_record, fit_from
-from problems.decay.start import evident_law
+from problems.decay.solution import after_release, as_record, fit_records
+from problems.decay.starting_values import select_frequency_law
 
 LAWS_COMPARED: tuple[Law, ...] = ("linear", "quadratic", "friction", "power")
 FREQUENCY_LAWS_COMPARED: tuple[FrequencyLaw, ...] = ("constant", "linear", "quadratic", "logarithmic")
 RESTS_COMPARED: tuple[Rest, ...] = ("constant", "drift", "creep")
-LARGEST_LAG = 100.0  # lag of the criterion beyond which a law is not tried again beside another law; 10 would be clear
-RESPECTS = ("law", "frequency_law", "rest")  # in which combinations differ
+MAX_LAG = 100.0  # lag of the criterion beyond which a law is not tried again beside another law; 10 would be clear
+MODEL_CHOICES = ("law", "frequency_law", "rest")  # in which combinations differ
 ADDITIVE: Mapping[Law, tuple[str, ...]] = {  # unknowns that are terms of the damping
     law: ("zeta",) if law in ("linear", "power", "smooth") else terms for law, terms in DECAY_TERMS.items()
 }
@@ -100,38 +100,39 @@ def compare_decay_laws(
     record = as_record(time, displacement)
     release = None if release_time is None else number(release_time, "release_time")
     guess = first_guess(record, release_time=release, rest="creep")
-    guesses = {rest: with_rest(guess, record, rest) for rest in rests}
-    bent = evident_law(after_release(record, guess.release), guesses[rests[0]], frequency_laws)
-    best = next(model for model in models if model.frequency_law == bent)
+    guesses = {rest: with_rest_position(guess, record, rest) for rest in rests}
+    tracked_law = select_frequency_law(after_release(record, guess.release), guesses[rests[0]], frequency_laws)
+    best = next(model for model in models if model.frequency_law == tracked_law)
     fits: dict[DecayModel, DecayFit] = {}
     failed: dict[DecayModel, str] = {}
-    found: LawComparison[DecayFit] | None = None
+    comparison: LawComparison[DecayFit] | None = None
     lags: dict[DecayModel, float] = {}  # of the criterion of each fit behind the best
-    while left := _next(best, [model for model in models if model not in {*fits, *failed}], lags):
-        for model in left:
+    while candidates := _next_candidates(best, [model for model in models if model not in {*fits, *failed}], lags):
+        for model in candidates:
             try:
-                (fit,) = fit_from([guesses[model.rest]], [record], model, near=found.best if found else None)
+                best_fit = comparison.best if comparison else None
+                (fit,) = fit_records([guesses[model.rest]], [record], model, other_fit=best_fit)
                 _refuse_creep_within_a_period(fit)
                 fits[model] = fit
             except FitError as error:
                 failed[model] = str(error)
         if fits:
             names = {_name(model): model for model in models if model in fits}
-            found = LawComparison(
+            comparison = LawComparison(
                 names=tuple(names),
                 fits=tuple(fits[model] for model in names.values()),
                 terms=tuple(ADDITIVE[model.law] for model in names.values()),
                 failed={_name(model): reason for model, reason in failed.items()},
                 other_records=partial(_other_records, [fits[model] for model in names.values()]),
             )
-            evidence = np.array(found.verdict.evidence)
+            evidence = np.array(comparison.verdict.evidence)
             lags = dict(zip(names.values(), (2 * (evidence.max() - evidence)).tolist(), strict=True))
-            best = next(model for model, fit in fits.items() if fit is found.best)
-    if found is None:
+            best = next(model for model, fit in fits.items() if fit is comparison.best)
+    if comparison is None:
         reasons = "; ".join(f"{_name(model)}: {reason}" for model, reason in failed.items())
         raise FitError(f"no law can be fitted; {reasons}")
-    refuse_unexplained(found.best, record)
-    return found
+    refuse_unexplained(comparison.best, record)
+    return comparison
 
 
 def _refuse_creep_within_a_period(fit: DecayFit) -> None:
@@ -143,14 +144,14 @@ def _refuse_creep_within_a_period(fit: DecayFit) -> None:
         )
 
 
-def compared(law: str, frequency_law: str | None, rest: str | None) -> dict[str, Any]:
+def comparison_arguments(law: str, frequency_law: str | None, rest: str | None) -> dict[str, Any]:
     """Return the arguments of ``compare_decay_laws`` from names; ``auto`` and None compare all of a kind.
 
     With a law that is named, None stands for what is constant.
     """
-    settled = None if law == "auto" else "constant"
-    given = {"laws": law, "frequency_laws": frequency_law or settled, "rests": rest or settled}
-    return {name: (one,) for name, one in given.items() if one not in (None, "auto")}
+    default = None if law == "auto" else "constant"
+    choices = {"laws": law, "frequency_laws": frequency_law or default, "rests": rest or default}
+    return {name: (choice,) for name, choice in choices.items() if choice not in (None, "auto")}
 
 
 def _other_records(fits: Sequence[DecayFit], truth: int, rival: int) -> dict[str, Expectation]:
@@ -159,25 +160,28 @@ def _other_records(fits: Sequence[DecayFit], truth: int, rival: int) -> dict[str
     A record that begins later begins with a smaller amplitude: the laws have no other memory.
     """
     pair, best = (fits[truth], fits[rival]), min(fits, key=lambda fit: fit.fit.residual_rms)
-    time, growth = np.asarray(pair[0].fit.times), max(best.fit.noise.inflation, 1.0)
-    later = time + time[-1] + np.median(np.diff(time))
-    x = _from(pair[0], 1.0)
-    left = float(cs.evalf(pair[0].model.amplitude(later[:1], *(x[i] for i in pair[0].indices)))) / pair[0].fit["e0"]
-    records = {"twice the amplitude": (2.0, time), "twice the length": (1.0, np.concatenate([time, later])),
-               "a later begin": (left, time)}  # fmt: skip
-    found = {}
+    time, noise_growth = np.asarray(pair[0].fit.times), max(best.fit.noise.inflation, 1.0)
+    later_times = time + time[-1] + np.median(np.diff(time))
+    x = _scaled_unknowns(pair[0], 1.0)
+    later_amplitude = cs.evalf(pair[0].model.amplitude(later_times[:1], *(x[i] for i in pair[0].indices)))
+    amplitude_ratio = float(later_amplitude) / pair[0].fit["e0"]
+    records = {"twice the amplitude": (2.0, time), "twice the length": (1.0, np.concatenate([time, later_times])),
+               "a later begin": (amplitude_ratio, time)}  # fmt: skip
+    expectations = {}
     for name, (size, instants) in records.items():
-        exact = _curve(pair[0], instants, *_from(pair[0], size))
+        exact = _curve(pair[0], instants, *_scaled_unknowns(pair[0], size))
         try:
-            own = [_fit_to(fit, instants, np.asarray(cs.evalf(exact)).ravel(), size) for fit in pair]
+            record_fits = [_fit_values(fit, instants, np.asarray(cs.evalf(exact)).ravel(), size) for fit in pair]
         except FitError:  # then nothing is said of this record
             continue
         terms = [ADDITIVE[fit.law] for fit in pair]
-        found[name] = expectation(own, terms, own[1].residuals, best.fit.residual_rms, growth)
-    return found
+        expectations[name] = expectation(
+            record_fits, terms, record_fits[1].residuals, best.fit.residual_rms, noise_growth
+        )
+    return expectations
 
 
-def _from(fit: DecayFit, size: float) -> list[cs.MX]:
+def _scaled_unknowns(fit: DecayFit, size: float) -> list[cs.MX]:
     """Return the unknowns of a decay with another amplitude, relative to the fitted one."""
     return [cs.MX(value * (size if name == "e0" else 1.0)) for name, value in fit.fit.estimates.items()]
 
@@ -186,7 +190,7 @@ def _curve(fit: DecayFit, time: Array, *x: cs.MX) -> cs.MX:
     return fit.model.curve(time, *(x[i] for i in fit.indices))
 
 
-def _fit_to(fit: DecayFit, time: Array, values: Array, size: float) -> Fit:
+def _fit_values(fit: DecayFit, time: Array, values: Array, size: float) -> Fit:
     """Return the fit of the laws of a fit to a decay with another amplitude, relative to the fitted one."""
     start = fit.fit.estimates | {"e0": size * fit.fit["e0"]}
     return least_squares(
@@ -198,36 +202,38 @@ def _fit_to(fit: DecayFit, time: Array, values: Array, size: float) -> Fit:
     )
 
 
-def _next(best: DecayModel, left: Sequence[DecayModel], lags: Mapping[DecayModel, float]) -> list[DecayModel]:
+def _next_candidates(
+    best: DecayModel, untried: Sequence[DecayModel], lags: Mapping[DecayModel, float]
+) -> list[DecayModel]:
     """Return the combinations, among those left, that differ from the best in the first respect in which any does.
 
     One that lagged far behind in this respect, with the others as they were then, is not tried again.
     """
-    for respect in RESPECTS:
+    for respect in MODEL_CHOICES:
 
-        def switched(model: DecayModel, to: DecayModel, respect: str = respect) -> DecayModel:
+        def replaced(model: DecayModel, to: DecayModel, respect: str = respect) -> DecayModel:
             return replace(model, **{respect: getattr(to, respect)})
 
-        own = [model for model in left if switched(best, model) == model]
+        candidates = [model for model in untried if replaced(best, model) == model]
         far_behind = {
             model
-            for model in own
+            for model in candidates
             for tried, lag in lags.items()
-            if switched(tried, model) == tried and lag - lags.get(switched(tried, best), math.inf) > LARGEST_LAG
+            if replaced(tried, model) == tried and lag - lags.get(replaced(tried, best), math.inf) > MAX_LAG
         }
-        if len(own) > len(far_behind):
-            return [model for model in own if model not in far_behind]
+        if len(candidates) > len(far_behind):
+            return [model for model in candidates if model not in far_behind]
     return []
 
 
 def _name(model: DecayModel) -> str:
-    moving = {"drift": " + drift", "creep": " + creep"}.get(model.rest, "")
-    return f"{model.law}{f' + {model.frequency_law} frequency' if model.bends else ''}{moving}"
+    rest_label = {"drift": " + drift", "creep": " + creep"}.get(model.rest, "")
+    return f"{model.law}{f' + {model.frequency_law} frequency' if model.frequency_varies else ''}{rest_label}"
 
 
 def _combinations(laws: Any, frequency_laws: Any, rests: Any, ratios: Any) -> list[DecayModel]:
     """Return the damping laws with each frequency law and each rest position."""
-    for names, where in ((laws, "laws"), (frequency_laws, "frequency_laws"), (rests, "rests")):
+    for names, argument in ((laws, "laws"), (frequency_laws, "frequency_laws"), (rests, "rests")):
         if not is_sequence(names) or not len(names):
-            raise InputError(f"must be a sequence of names, got {shown(names)}", where)
+            raise InputError(f"must be a sequence of names, got {shown(names)}", argument)
     return [DecayModel(law, rest, bent, ratios) for rest, bent, law in product(rests, frequency_laws, laws)]

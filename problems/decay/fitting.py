@@ -27,17 +27,17 @@ from numpy.typing import ArrayLike
 from ancf_casadi.decay.first_guess import first_guess
 from ancf_casadi.decay.outliers import without_outliers
 from ancf_casadi.decay.phase import FrequencyLaw
-from ancf_casadi.decay.rest import Rest
+from ancf_casadi.decay.rest_position import Rest
 from ancf_casadi.estimation.solver.unknown import Priors
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.support.inputs import check_instance, choice, flag, instances, number, numbers
 from ancf_casadi.support.interrupts import lasting_interrupts
-from problems.decay.comparison import compare_decay_laws, compared
+from problems.decay.comparison import compare_decay_laws, comparison_arguments
 from problems.decay.laws import RATIO_BOUNDS, DecayModel, Law
 from problems.decay.limitations import refuse_unexplained
 from problems.decay.result import DecayFit
-from problems.decay.solution import as_record, fit_from, fit_one
+from problems.decay.solution import as_record, fit_record, fit_records
 from problems.decay.takes import DecayFits
 
 
@@ -115,19 +115,19 @@ def fit_decay(
     robust = flag(robust, "robust")
     if "auto" in (law, frequency_law, rest):
         if robust or priors:
-            other = "robust=True" if robust else "priors"
-            raise InputError(f"compares sums of squares; name a law, or leave out {other}", "auto")
-        found = compare_decay_laws(
+            argument = "robust=True" if robust else "priors"
+            raise InputError(f"compares sums of squares; name a law, or leave out {argument}", "auto")
+        comparison = compare_decay_laws(
             record,
-            **compared(law, frequency_law, rest),
+            **comparison_arguments(law, frequency_law, rest),
             release_time=release_time,
             ratio_bounds=ratio_bounds,
         )
-        open_choice = () if found.verdict.settled else found.verdict.warnings[:1]
-        return replace(found.best, notes=(*found.best.notes, *open_choice))
+        choice_warning = () if comparison.verdict.settled else comparison.verdict.warnings[:1]
+        return replace(comparison.best, notes=(*comparison.best.notes, *choice_warning))
     model = DecayModel(law, rest or "constant", frequency_law or "constant", ratio_bounds)  # type: ignore[arg-type]
     release = None if release_time is None else number(release_time, "release_time")
-    fit = fit_one(record, model, release_time=release, robust=robust, priors=dict(priors or {}))
+    fit = fit_record(record, model, release_time=release, robust=robust, priors=dict(priors or {}))
     refuse_unexplained(fit, record)
     return fit
 
@@ -192,11 +192,11 @@ def fit_decays(
     guesses = [
         first_guess(record, release_time=release, rest=rest) for record, release in zip(records, releases, strict=True)
     ]
-    every = fit_from(guesses, records, model, robust)
+    joint_fits = fit_records(guesses, records, model, robust)
     pairs = zip(guesses, records, strict=True) if len(records) > 1 else ()
-    alone = [fit_from([guess], [record], model, robust)[0] for guess, record in pairs]
-    for fit, record in zip(alone or every, records, strict=True):
+    single_fits = [fit_records([guess], [record], model, robust)[0] for guess, record in pairs]
+    for fit, record in zip(single_fits or joint_fits, records, strict=True):
         refuse_unexplained(fit, record)
     settings: dict[str, Any] = {"law": law, "frequency_law": frequency_law, "rest": rest}
-    again = partial(fit_decays, release_times=release_times, ratio_bounds=ratio_bounds, robust=robust, **settings)
-    return DecayFits(every[0].fit, every, tuple(alone) or every, again=again)
+    refit = partial(fit_decays, release_times=release_times, ratio_bounds=ratio_bounds, robust=robust, **settings)
+    return DecayFits(joint_fits[0].fit, joint_fits, tuple(single_fits) or joint_fits, again=refit)

@@ -62,56 +62,54 @@ def law_curve(
     check_instance(fit, "fit", DecayFit, LawComparison)
     if isinstance(fit, LawComparison):
         check_instance(fit.best, "fit", DecayFit)
-        return _averaged(fit, amplitudes, level)
+        return _average_laws(fit, amplitudes, level)
     if amplitudes is None:
-        chosen = np.geomspace(*fit.amplitude_range, 60)
+        amplitude_grid = np.geomspace(*fit.amplitude_range, 60)
     else:
-        chosen = given_amplitudes(amplitudes)
-    return with_bands(
+        amplitude_grid = check_amplitudes(amplitudes)
+    return curve_with_bands(
         fit.fit,
-        lambda *x: fit.model.against_amplitude(chosen, *(x[i] for i in fit.indices)),
-        chosen,
+        lambda *x: fit.model.against_amplitude(amplitude_grid, *(x[i] for i in fit.indices)),
+        amplitude_grid,
         level,
         fit.units["amplitude"],
     )
 
 
-def _averaged(found: LawComparison[DecayFit], amplitudes: ArrayLike | None, level: float) -> LawCurve:
+def _average_laws(comparison: LawComparison[DecayFit], amplitudes: ArrayLike | None, level: float) -> LawCurve:
     """Return the mean over the laws that are not ruled out, and the bands of the mixture."""
     if amplitudes is None:
-        amplitudes = law_curve(found.best).amplitude
-    weights, fits = np.array([own for own, _ in found.probable]), [fit for _, fit in found.probable]
+        amplitudes = law_curve(comparison.best).amplitude
+    weights, fits = np.array([weight for weight, _ in comparison.probable]), [fit for _, fit in comparison.probable]
     curves = [law_curve(fit, amplitudes, level=level) for fit in fits]
-    ratios, frequencies = (np.array([getattr(one, name) for one in curves]) for name in ("damping_ratio", "frequency"))
-    bands = (np.array([getattr(one, name) for one in curves]) for name in ("damping_ratio_band", "frequency_band"))
-    ratio_band, frequency_band = (
-        mixed_ends(weights, values, ends, level) for values, ends in zip((ratios, frequencies), bands, strict=True)
-    )
-    return LawCurve(
-        curves[0].amplitude, weights @ ratios, ratio_band, weights @ frequencies, frequency_band, curves[0].unit
-    )
+
+    def average(name: str) -> tuple[Array, Array]:
+        values, ends = (np.array([getattr(curve, key) for curve in curves]) for key in (name, f"{name}_band"))
+        return weights @ values, mixed_ends(weights, values, ends, level)
+
+    return LawCurve(curves[0].amplitude, *average("damping_ratio"), *average("frequency"), curves[0].unit)
 
 
-def with_bands(
+def curve_with_bands(
     fit: Fit, against: Callable[..., tuple[cs.MX, cs.MX]], amplitudes: Array, level: float, unit: str
 ) -> LawCurve:
     """Return damping ratio and frequency, which are functions of the unknowns, with the bands of their intervals."""
 
-    def both(*x: cs.MX) -> cs.MX:
+    def ratio_and_frequency(*x: cs.MX) -> cs.MX:
         return cs.vertcat(*against(*x))
 
-    values, ends = fit.derived(both)[0], derived_intervals(fit, both, level)
+    values, ends = fit.derived(ratio_and_frequency)[0], derived_intervals(fit, ratio_and_frequency, level)
     ratio, frequency = np.split(values, 2)
     ratio_band, frequency_band = np.split(ends, 2)
     return LawCurve(amplitudes, ratio, ratio_band, frequency, frequency_band, unit)
 
 
-def given_amplitudes(amplitudes: ArrayLike) -> Array:
+def check_amplitudes(amplitudes: ArrayLike) -> Array:
     """Return amplitudes as an array (k,); all must be positive."""
-    chosen = array(amplitudes, "amplitudes").ravel()
-    if not (chosen > 0.0).all():
-        raise InputError(f"must be positive, got {chosen.min():g}", "amplitudes")
-    return chosen
+    values = array(amplitudes, "amplitudes").ravel()
+    if not (values > 0.0).all():
+        raise InputError(f"must be positive, got {values.min():g}", "amplitudes")
+    return values
 
 
 def amplitude_table(fit: DecayFit) -> Table:
@@ -137,20 +135,20 @@ def amplitude_table(fit: DecayFit) -> Table:
     (('amplitude_m', 'damping_ratio'), [0.018, 0.015])
     """
     check_instance(fit, "fit", DecayFit)
-    points = _windows_of(fit)
+    points = _measured_curve(fit)
     law = law_curve(fit, None if points is None else points.amplitude)
     bands = [law.damping_ratio, *law.damping_ratio_band.T, law.frequency, *law.frequency_band.T]
     heads = ["law_damping_ratio", "lower_95", "upper_95", "law_frequency_hz", "lower_95", "upper_95"]
-    left = ["time_s", "amplitude_m" if law.unit == "m" else "amplitude"]
+    first_columns = ["time_s", "amplitude_m" if law.unit == "m" else "amplitude"]
     rows: list[list[Cell]] = [[None, amplitude] for amplitude in law.amplitude.tolist()]
     if points is not None:
-        own = points.table()
-        left, rows = list(own.columns), [list(row) for row in own.rows]
+        window_table = points.table()
+        first_columns, rows = list(window_table.columns), [list(row) for row in window_table.rows]
     rows = [[*row, *values] for row, values in zip(rows, np.column_stack(bands).tolist(), strict=True)]
-    return Table("against_amplitude", f"{fit.title} against amplitude", (*left, *heads), rows)
+    return Table("against_amplitude", f"{fit.title} against amplitude", (*first_columns, *heads), rows)
 
 
-def _windows_of(fit: DecayFit) -> DampingCurve | None:
+def _measured_curve(fit: DecayFit) -> DampingCurve | None:
     """Return the windows of a fitted record; None if it is too short, or hidden by noise."""
     measured = fit.displacement(fit.time) - fit.residuals
     record = Measurement(fit.time, measured, sensor=fit.model.sensor)
@@ -174,7 +172,7 @@ def decay_fit_figure(fits: Mapping[str, DecayFit]) -> Figure:
         unit=fit.model.sensor.unit,
         values=values,
         law=law_curve(fit),
-        points=_windows_of(fit),
+        points=_measured_curve(fit),
     )
 
 
@@ -182,10 +180,10 @@ def takes_figure(fits: Mapping[str, DecayFits]) -> Figure:
     """Draw the quantities of the mode from each record with 95 % intervals, and their mean."""
     from ancf_casadi.estimation.figures import agreement_figure, saved_figure  # matplotlib is slow to import
 
-    agreements = [one for fit in fits.values() for one in fit.agreements]
+    agreements = [a for fit in fits.values() for a in fit.agreements]
     if not agreements:
         return saved_figure(fits)
-    return agreement_figure([(f"{one.name}, {one.unit}".removesuffix(", "), one) for one in agreements])
+    return agreement_figure([(f"{a.name}, {a.unit}".removesuffix(", "), a) for a in agreements])
 
 
 def modes_figure(fits: Mapping[str, DecayModes]) -> Figure:

@@ -29,8 +29,8 @@ r0 = e0 cos(phi) and (v0 + zeta omega r0)/omega_d = -e0 sin(phi).  The ratio zet
 amplitude of reference, so that it hardly correlates with the exponent.
 
 The scale of an unknown is the change that moves the curve by about as much as its amplitude within the decay: 1/T for
-omega, 1/(omega T) for zeta and so on, with T the length of the record or of the decay, whichever is less.  ``start``
-gives better starting values where the record permits.
+omega, 1/(omega T) for zeta and so on, with T the length of the record or of the decay, whichever is less.
+``starting_values`` has better values where the record permits.
 
 References
 ----------
@@ -58,7 +58,7 @@ from ancf_casadi.decay.closed_forms import (
 )
 from ancf_casadi.decay.first_guess import DecayGuess
 from ancf_casadi.decay.phase import FREQUENCY_TERMS, FrequencyLaw, frequency_change, integral
-from ancf_casadi.decay.rest import REST_TERMS, Rest, rest_position
+from ancf_casadi.decay.rest_position import REST_TERMS, Rest, rest_position
 from ancf_casadi.decay.smooth import (
     AMPLITUDE_SPAN,
     MIDDLE,
@@ -174,21 +174,21 @@ class DecayModel:
         return tuple(terms for law, terms in laws if law == "smooth")
 
     @property
-    def bends(self) -> bool:
+    def frequency_varies(self) -> bool:
         """True if the frequency depends on the amplitude."""
         return self.frequency_law != "constant"
 
     @property
     def depends_on_amplitude(self) -> bool:
         """True if the frequency or the damping ratio depends on the amplitude."""
-        return self.bends or self.law != "linear"
+        return self.frequency_varies or self.law != "linear"
 
     @property
     def omega_in_hz(self) -> str:
         """Name of the unknown omega in Hz: the frequency, or that at the amplitude to which the law refers."""
         return FREQUENCY_AT.get(self.frequency_law, "frequency_at_zero")
 
-    def shared(self, guess: DecayGuess) -> list[Unknown]:
+    def mode_unknowns(self, guess: DecayGuess) -> list[Unknown]:
         """Return the unknowns of the mode."""
         ω, T = guess.ω, guess.duration
         reported = Reported("omega", self.omega_in_hz, "Hz", 1 / (2 * math.pi))
@@ -210,7 +210,7 @@ class DecayModel:
             Unknown("log_corner", -2.0, 1.0, *LOG_CORNERS, curved=True),
             *(Unknown(name, 0.0, max(turn, SMOOTH_FREQUENCY.first)) for name in SMOOTH_FREQUENCY.names),
         )
-        return [one for one in unknowns if one.name in self.frequency_terms]
+        return [unknown for unknown in unknowns if unknown.name in self.frequency_terms]
 
     def _damping(self, guess: DecayGuess) -> list[Unknown]:
         """Return the unknowns of the damping; each of eta1, eta2, eta0 begins with an equal part of the guess."""
@@ -222,38 +222,41 @@ class DecayModel:
             shape = [Unknown("exponent", 1.0, 1.0, *EXPONENTS)] if self.law == "power" else []
             if self.law == "smooth":
                 shape = [Unknown(name, 0.0, SMOOTH_DAMPING.first) for name in SMOOTH_DAMPING.names]
-            return [Unknown("zeta", min(max(guess.ζ, lower), upper), scale, lower, upper, reported=reported), *shape]
-        full = {"eta1": 2 * ω, "eta2": 3 * math.pi / (4 * A), "eta0": math.pi * ω**2 * A / 2}  # with a ratio of 1
-        part = guess.ζ / len(names)
-        return [Unknown(n, part * full[n], scale * full[n], 0.0, unit=DECAY_QUANTITIES[n].unit) for n in names]
+            return [
+                Unknown("zeta", min(max(guess.ζ, lower), upper), scale, lower, upper, reported=reported),
+                *shape,
+            ]
+        unit = {"eta1": 2 * ω, "eta2": 3 * math.pi / (4 * A), "eta0": math.pi * ω**2 * A / 2}  # with a ratio of 1
+        share = guess.ζ / len(names)
+        return [Unknown(n, share * unit[n], scale * unit[n], 0.0, unit=DECAY_QUANTITIES[n].unit) for n in names]
 
-    def own(self, guess: DecayGuess) -> list[Unknown]:
+    def release_unknowns(self, guess: DecayGuess) -> list[Unknown]:
         """Return the unknowns of a release and its record."""
-        A, swing = guess.amplitude, guess.amplitude * guess.ω**self.sensor.derivatives
+        A, sensor_amplitude = guess.amplitude, guess.amplitude * guess.ω**self.sensor.derivatives
         reported = Reported("e0", "amplitude", self.unit("amplitude"))
         release = [
             Unknown("e0", A, A, lower=0.0, unit="m", reported=reported),
             Unknown("phase", guess.phase, unit="rad"),
         ]
-        scales = swing, swing / guess.length, 1 / guess.length
-        bounds = (-math.inf, math.inf), (-math.inf, math.inf), (0.0, guess.ω / (2 * math.pi))
+        scales = sensor_amplitude, sensor_amplitude / guess.length, 1 / guess.length
+        all_bounds = (-math.inf, math.inf), (-math.inf, math.inf), (0.0, guess.ω / (2 * math.pi))
         return release + [
-            Unknown(name, value, scale, *ends, unit=self.unit(name))
-            for name, value, scale, ends in zip(REST_TERMS[self.rest], guess.rest, scales, bounds, strict=False)
+            Unknown(name, value, scale, *bounds, unit=self.unit(name))
+            for name, value, scale, bounds in zip(REST_TERMS[self.rest], guess.rest, scales, all_bounds, strict=False)
         ]
 
     def curve(self, time: Array, *x: cs.MX) -> cs.MX:
         """Return the record, in the unit of its sensor, at times (s) after the release."""
-        ω, damping, bending, (e0, φ), rest = self._split(x)
-        t = turned = _column(time)
+        ω, damping, frequency_terms, (e0, φ), rest_terms = self._split(x)
+        t = phase_time = _column(time)
 
-        def amplitude(instant: cs.MX) -> cs.MX:
-            return self._amplitude(instant, e0, ω, damping)
+        def amplitude(instants: cs.MX) -> cs.MX:
+            return self._amplitude(instants, e0, ω, damping)
 
-        if self.bends:
-            turned = t + integral(lambda instant: self._change(amplitude(instant), bending), time)
-        phase = self._damped(ω, damping) * turned + φ
-        return self._swing(amplitude(t), phase, ω, damping, bending) + rest_position(t, rest)
+        if self.frequency_varies:
+            phase_time = t + integral(lambda instants: self._change(amplitude(instants), frequency_terms), time)
+        phase = self._damped(ω, damping) * phase_time + φ
+        return self._swing(amplitude(t), phase, ω, damping, frequency_terms) + rest_position(t, rest_terms)
 
     def amplitude(self, time: Array, *x: cs.MX) -> cs.MX:
         """Return the amplitude (m) at times (s) after the release."""
@@ -275,13 +278,13 @@ class DecayModel:
         η1, η2 = damping
         return quadratic_envelope(time, ω, η1, η2, e0)
 
-    def change(self, amplitude: Array, *bending: float) -> Array:
+    def change(self, amplitude: Array, *terms: float) -> Array:
         """Return the relative change of the frequency at amplitudes (m), given values of ``frequency_terms``."""
-        return np.asarray(cs.evalf(self._change(_column(amplitude), [cs.MX(one) for one in bending])).full().ravel())
+        return np.asarray(cs.evalf(self._change(_column(amplitude), [cs.MX(term) for term in terms])).full().ravel())
 
-    def _change(self, amplitude: cs.MX, bending: Symbols) -> cs.MX:
+    def _change(self, amplitude: cs.MX, frequency_terms: Symbols) -> cs.MX:
         """Return the relative change of the frequency at an amplitude (m)."""
-        return frequency_change(self.frequency_law, amplitude, bending, self.reference, self.span)
+        return frequency_change(self.frequency_law, amplitude, frequency_terms, self.reference, self.span)
 
     def _ratio(self, amplitude: cs.MX, ω: cs.MX, damping: Symbols) -> cs.MX:
         """Return the equivalent damping ratio at an amplitude (m)."""
@@ -304,7 +307,7 @@ class DecayModel:
             return {"eta_p": power_coefficient(ζ, p, ω, self.reference), "exponent": p}
         return dict(zip(DECAY_TERMS[self.law], damping, strict=False)) | {"exponent": cs.MX(math.nan)}
 
-    def _swing(self, amplitude: cs.MX, phase: cs.MX, ω: cs.MX, damping: Symbols, bending: Symbols) -> cs.MX:
+    def _swing(self, amplitude: cs.MX, phase: cs.MX, ω: cs.MX, damping: Symbols, frequency_terms: Symbols) -> cs.MX:
         """Return the derivative by time that the sensor measures, of A cos(phi).
 
         With A' = -zeta(A) omega A and phi' = omega (1 + delta(A)),
@@ -314,17 +317,19 @@ class DecayModel:
         """
         if not self.sensor.derivatives:
             return amplitude * cs.cos(phase)
-        A, one = cs.MX.sym("A", amplitude.shape[0]), cs.DM.ones(amplitude.shape[0])
+        A, ones = cs.MX.sym("A", amplitude.shape[0]), cs.DM.ones(amplitude.shape[0])
         rate = -self._ratio(A, ω, damping) * ω * A
-        turn = self._damped(ω, damping) * (1 + self._change(A, bending))
-        second, turn_rate = cs.jtimes(rate, A, one) * rate, cs.jtimes(turn, A, one) * rate
+        phase_rate = self._damped(ω, damping) * (1 + self._change(A, frequency_terms))
+        second_rate, turn_rate = cs.jtimes(rate, A, ones) * rate, cs.jtimes(phase_rate, A, ones) * rate
         # amplitude relative to the one of reference, below which rates are those of this amplitude
-        held = cs.fmax(amplitude, 1e-12 * self.reference)  # friction divides by the amplitude
-        rate, turn, second, turn_rate = cs.substitute([rate, turn, second, turn_rate], [A], [held])
+        positive = cs.fmax(amplitude, 1e-12 * self.reference)  # friction divides by the amplitude
+        rate, phase_rate, second_rate, turn_rate = cs.substitute(
+            [rate, phase_rate, second_rate, turn_rate], [A], [positive]
+        )
         if self.sensor.derivatives == 1:
-            return rate * cs.cos(phase) - amplitude * turn * cs.sin(phase)
-        across = 2 * rate * turn + amplitude * turn_rate
-        return (second - amplitude * turn**2) * cs.cos(phase) - across * cs.sin(phase)
+            return rate * cs.cos(phase) - amplitude * phase_rate * cs.sin(phase)
+        tangential = 2 * rate * phase_rate + amplitude * turn_rate
+        return (second_rate - amplitude * phase_rate**2) * cs.cos(phase) - tangential * cs.sin(phase)
 
     @property
     def bounds(self) -> dict[str, tuple[float, float]]:
@@ -343,31 +348,31 @@ class DecayModel:
 
     def quantities(self, *x: cs.MX) -> cs.MX:
         """Return the quantities of the decay, in the order of ``DECAY_QUANTITIES``."""
-        ω, damping, bending, (amplitude, _), rest = self._split(x)
-        at_release = 1 + self._change(amplitude, bending)  # relative to omega
-        found = {
+        ω, damping, frequency_terms, (amplitude, _), rest_terms = self._split(x)
+        at_release = 1 + self._change(amplitude, frequency_terms)  # relative to omega
+        quantities = {
             "frequency": ω / (2 * math.pi) * at_release,
             "damping_ratio": self._ratio(amplitude, ω, damping),
-            **dict(zip(self.frequency_terms, bending, strict=True)),
+            **dict(zip(self.frequency_terms, frequency_terms, strict=True)),
             **self._coefficients(ω, damping),
             "amplitude": amplitude,
-            **dict(zip(REST_TERMS[self.rest], rest, strict=True)),
+            **dict(zip(REST_TERMS[self.rest], rest_terms, strict=True)),
         }
         if self.frequency_law == "power":
-            found["frequency_change"] = at_release - 1
+            quantities["frequency_change"] = at_release - 1
         if self.frequency_law == "smooth":  # within the measured amplitudes, beyond which it says nothing
             lowest = cs.MX(self.lowest or self.reference / self.span)
-            found["frequency_change"] = at_release / (1 + self._change(lowest, bending)) - 1
+            quantities["frequency_change"] = at_release / (1 + self._change(lowest, frequency_terms)) - 1
         if self.frequency_law == "logarithmic":
-            found["frequency_log_slope"] /= 1 + self._change(cs.MX(0), bending)
-            found["corner_amplitude"] = self.reference * cs.exp(bending[1])
-        return cs.vertcat(*(found.get(name, cs.MX(0)) for name in DECAY_QUANTITIES))
+            quantities["frequency_log_slope"] /= 1 + self._change(cs.MX(0), frequency_terms)
+            quantities["corner_amplitude"] = self.reference * cs.exp(frequency_terms[1])
+        return cs.vertcat(*(quantities.get(name, cs.MX(0)) for name in DECAY_QUANTITIES))
 
     def against_amplitude(self, amplitude: Array | cs.MX, *x: cs.MX) -> tuple[cs.MX, cs.MX]:
         """Return equivalent damping ratio and frequency (Hz) at amplitudes (m), which are positive."""
-        ω, damping, bending, *_ = self._split(x)
+        ω, damping, frequency_terms, *_ = self._split(x)
         A = amplitude if isinstance(amplitude, cs.MX) else _column(amplitude)
-        return self._ratio(A, ω, damping), ω / (2 * math.pi) * (1 + self._change(A, bending))
+        return self._ratio(A, ω, damping), ω / (2 * math.pi) * (1 + self._change(A, frequency_terms))
 
     def _damped(self, ω: cs.MX, damping: Symbols) -> cs.MX:
         """Return the frequency of the oscillation, rad/s: with linear damping the damped one, as in Eq. (9)."""
@@ -376,8 +381,8 @@ class DecayModel:
     def _split(self, x: Symbols) -> tuple[cs.MX, Symbols, Symbols, Symbols, Symbols]:
         """Return omega, damping, bending, release and rest position."""
         release = len(x) - 2 - len(REST_TERMS[self.rest])
-        law = release - len(self.frequency_terms)
-        return x[0], x[1:law], x[law:release], x[release : release + 2], x[release + 2 :]
+        damping_end = release - len(self.frequency_terms)
+        return x[0], x[1:damping_end], x[damping_end:release], x[release : release + 2], x[release + 2 :]
 
 
 def _column(values: Array) -> cs.MX:
@@ -385,18 +390,18 @@ def _column(values: Array) -> cs.MX:
 
 
 def with_priors(unknowns: Sequence[Unknown], priors: Priors, model: DecayModel) -> list[Unknown]:
-    """Return the unknowns with priors, also of the frequency and of the damping ratio that a name stands for."""
-    factors = {one.name: (one.name, 1.0) for one in unknowns} | {"omega": (model.omega_in_hz, 2 * math.pi)}
+    """Return the unknowns with their priors, which may also be stated of the frequency and the damping ratio."""
+    factors = {unknown.name: (unknown.name, 1.0) for unknown in unknowns} | {"omega": (model.omega_in_hz, 2 * math.pi)}
     if model.law == "linear":
         factors["zeta"] = ("damping_ratio", 1.0)
     check_keys(dict(priors), set(), {*factors, *(name for name, _ in factors.values())} - {"omega", "zeta"}, "priors")
-    found = []
-    for one in unknowns:
-        name, factor = factors[one.name]
+    stated = []
+    for unknown in unknowns:
+        name, factor = factors[unknown.name]
         if name in priors:
-            own = with_prior(replace(one, name=name), priors[name])
-            mean, std = own.prior or (0.0, 1.0)
-            std = std if own.relative_prior else factor * std
-            one = replace(one, prior=(factor * mean, std), relative_prior=own.relative_prior)
-        found.append(one)
-    return found
+            scaled = with_prior(replace(unknown, name=name), priors[name])
+            mean, std = scaled.prior or (0.0, 1.0)
+            std = std if scaled.relative_prior else factor * std
+            unknown = replace(unknown, prior=(factor * mean, std), relative_prior=scaled.relative_prior)
+        stated.append(unknown)
+    return stated

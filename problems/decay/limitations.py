@@ -26,8 +26,8 @@ import numpy as np
 import scipy  # its packages are imported on first use
 
 from ancf_casadi.decay.first_guess import DecayGuess, first_guess
-from ancf_casadi.decay.release import MOST_UNEXPLAINED, unexplained_before, unexplained_share
-from ancf_casadi.decay.rest import REST_TERMS
+from ancf_casadi.decay.release import MAX_UNEXPLAINED, unexplained_before, unexplained_share
+from ancf_casadi.decay.rest_position import REST_TERMS
 from ancf_casadi.decay.smooth import SMOOTH_DAMPING, SMOOTH_FREQUENCY
 from ancf_casadi.decay.spectrum import oscillating_power, peak_frequencies
 from ancf_casadi.estimation.agreement import DISAGREE, subset_estimates
@@ -41,19 +41,19 @@ from ancf_casadi.support.tables import with_error
 if TYPE_CHECKING:
     from problems.decay.result import DecayFit
 
-LEAST_EXPLAINED = 0.5  # share of the motion, below which a fit is refused
-FEWEST_STEPS = 1.4  # amplitude over the resolution: a square wave of three levels has 4/pi = 1.27
+MIN_EXPLAINED = 0.5  # share of the motion, below which a fit is refused
+MIN_RESOLUTION_STEPS = 1.4  # amplitude over the resolution: a square wave of three levels has 4/pi = 1.27
 DITHER = 0.35  # residuals over the resolution, beyond which noise makes up for few steps
-MOST_BEFORE = 0.15  # share of the motion of a record that an excitation before the decay may leave unexplained
-LEAST_UNEXPLAINED = 0.003  # share of the motion that free modes leave, beyond which it is a third of this
-DETECTED = ("the first sample", "the end of")  # reasons for a release that the record shows
+MAX_UNEXPLAINED_BEFORE = 0.15  # unexplained share of the motion before the decay, beyond which it is random
+SMALL_UNEXPLAINED = 0.003  # unexplained share of the decay, beyond which a third of the share before is allowed
+DETECTED_REASONS = ("the first sample", "the end of")  # reasons for a release that the record shows
 GROWS = "the oscillation grows"
 NOISE_FREE = 1e-6  # residual relative to the amplitude, below which there is no noise
 FEW_PERIODS = 5  # of free decay, below which there is a warning
-MOST_ORDER, NEAR_ORDER = 5, 0.05  # highest harmonic that is named, and distance of its order from a whole number
+MAX_ORDER, ORDER_TOLERANCE = 5, 0.05  # highest harmonic that is named, and distance of its order from a whole number
 IMPRECISE = 0.1  # relative standard error of the damping ratio beyond which there is a warning
 DAMPING = ("zeta", "eta1", "eta2", "eta0")  # unknowns whose information divides the record, the first that is free
-OF_PARTS = (
+POORLY_DETERMINED = (
     "e0",
     "phase",
     *REST_TERMS["creep"],
@@ -67,14 +67,14 @@ def limitations(decay: DecayFit) -> list[str]:
     fit, values = decay.fit, decay.values
     noise_free = NOISE_FREE * values["amplitude"] * _speed(decay)
     noisy = math.sqrt(np.mean(fit.residuals[decay.rows] ** 2)) > noise_free
-    found = [
-        _short(decay),
-        _lasting(decay) if noisy else None,
-        _uncertain(decay) if noisy else None,
-        _unexplained(decay, noise_free),
-        _changing(decay) if noisy else None,
+    warnings = [
+        _length_warning(decay),
+        _hum_warning(decay) if noisy else None,
+        _precision_warning(decay) if noisy else None,
+        _residual_warning(decay, noise_free),
+        _law_change_warning(decay) if noisy else None,
     ]
-    return [text for text in found if text]
+    return [text for text in warnings if text]
 
 
 def _speed(decay: DecayFit) -> float:
@@ -82,7 +82,7 @@ def _speed(decay: DecayFit) -> float:
     return float((2 * math.pi * decay.frequency) ** decay.model.sensor.derivatives)
 
 
-def _short(decay: DecayFit) -> str | None:
+def _length_warning(decay: DecayFit) -> str | None:
     periods = (decay.time[-1] - decay.time[0]) * decay.frequency
     if periods >= FEW_PERIODS:
         return None
@@ -92,18 +92,18 @@ def _short(decay: DecayFit) -> str | None:
     )
 
 
-def _lasting(decay: DecayFit) -> str | None:
+def _hum_warning(decay: DecayFit) -> str | None:
     """Return a warning if the fitted oscillation lasts, as hum does, and another one in the residuals decays."""
     length = float(decay.time[-1] - decay.time[0])
     if decay.damping_ratio * 2 * math.pi * decay.frequency * length > 0.1:  # otherwise the oscillation lasts
         return None
-    other = residual_oscillation(decay)
-    if other is None or other.ζ * other.ω * length < 1.0:  # otherwise it decays
+    residual = residual_oscillation(decay)
+    if residual is None or residual.ζ * residual.ω * length < 1.0:  # otherwise it decays
         return None
     return (
         f"the fitted oscillation of {decay.frequency:.4g} Hz hardly decays, but another one beside it, of "
-        f"{other.ω / (2 * math.pi):.4g} Hz, does: if the former is hum, fit the latter by isolate_mode or the option "
-        "--band, or both by fit_modes"
+        f"{residual.ω / (2 * math.pi):.4g} Hz, does: if the former is hum, fit the latter by isolate_mode or the "
+        "option --band, or both by fit_modes"
     )
 
 
@@ -115,7 +115,7 @@ def residual_oscillation(decay: DecayFit) -> DecayGuess | None:
         return None
 
 
-def _uncertain(decay: DecayFit) -> str | None:
+def _precision_warning(decay: DecayFit) -> str | None:
     ζ, error, length = decay.damping_ratio, decay.standard_errors["damping_ratio"], decay.time[-1] - decay.time[0]
     if not error > IMPRECISE * abs(ζ):
         return None
@@ -150,21 +150,21 @@ def refuse_unexplained(decay: DecayFit, record: Measurement) -> None:
     if math.isnan(share):  # one of several modes
         return
     step, size = resolution(record.values), decay.amplitude * _speed(decay)
-    if size < FEWEST_STEPS * step and decay.residual_rms < DITHER * step:
+    if size < MIN_RESOLUTION_STEPS * step and decay.residual_rms < DITHER * step:
         raise FitError(
             f"the oscillation is {size / step:.1f} steps of {f'{step:.2g} {decay.model.sensor.unit}'.rstrip()} large, "
             "the resolution of the record, which hide its decay; measure with a finer resolution or a larger release"
         )
     since = f"from {decay.release_time:g} s on"
-    near = share < LEAST_EXPLAINED and 0.5 < _residual_frequency(decay) / decay.frequency < 1.5
-    if decay.release_reason.startswith(DETECTED) and (near or _is_random(decay, record)):
+    residuals_near_mode = share < MIN_EXPLAINED and 0.5 < _residual_frequency(decay) / decay.frequency < 1.5
+    if decay.release_reason.startswith(DETECTED_REASONS) and (residuals_near_mode or _is_random(decay, record)):
         growth = "".join(f", or {note.partition(':')[0]}" for note in decay.notes if note.startswith(GROWS))
         raise FitError(
             f"the record looks like a response to a random excitation, not a free decay{growth}: a decay {since} "
             f"explains {100 * share:.0f} % of the motion there, and nothing like it the rest; if the record "
             "holds a free decay, give the time of its release"
         )
-    if share < LEAST_EXPLAINED:
+    if share < MIN_EXPLAINED:
         raise FitError(
             f"a decay of {decay.frequency:.4g} Hz explains only {100 * share:.0f} % of the motion {since}, and the "
             f"residuals oscillate at {_residual_frequency(decay):.4g} Hz: fit_modes fits several modes; if an "
@@ -173,18 +173,18 @@ def refuse_unexplained(decay: DecayFit, record: Measurement) -> None:
 
 
 def _is_random(decay: DecayFit, record: Measurement) -> bool:
-    """Return whether free modes do not explain the decay, or rest or a harmonic excitation not what precedes it."""
+    """Return whether free modes fail to explain the decay, or rest and a harmonic excitation the record before it."""
     ω, length = 2 * math.pi * decay.frequency, len(decay.time)
-    left = 1 - decay.explained_share
-    free = unexplained_share(decay.time, record.values[-length:], ω) if left > LEAST_UNEXPLAINED else 0.0
-    if left > MOST_UNEXPLAINED and free > min(MOST_UNEXPLAINED, left / 3):  # another law or mode would explain more
+    share = 1 - decay.explained_share
+    free = unexplained_share(decay.time, record.values[-length:], ω) if share > SMALL_UNEXPLAINED else 0.0
+    if share > MAX_UNEXPLAINED and free > min(MAX_UNEXPLAINED, share / 3):  # another law or mode would explain more
         return True
     forced, unforced = unexplained_before(record.time[:-length], record.values[:-length], ω, decay.damping_ratio * ω)
-    decaying = float(np.var(decay.displacement(decay.time)))
-    early, late = len(record.time) - length, length
-    resting = decay.release_reason == "the end of rest"
-    most = MOST_BEFORE if free <= LEAST_UNEXPLAINED else MOST_BEFORE / 3
-    return early * (unforced + resting * forced) > most * (early * (forced + unforced) + late * decaying)
+    decay_power = float(np.var(decay.displacement(decay.time)))
+    before, after = len(record.time) - length, length
+    after_rest = decay.release_reason == "the end of rest"
+    allowed = MAX_UNEXPLAINED_BEFORE if free <= SMALL_UNEXPLAINED else MAX_UNEXPLAINED_BEFORE / 3
+    return before * (unforced + after_rest * forced) > allowed * (before * (forced + unforced) + after * decay_power)
 
 
 def _residual_frequency(decay: DecayFit) -> float:
@@ -192,7 +192,7 @@ def _residual_frequency(decay: DecayFit) -> float:
     return peak_frequencies(decay.time, decay.residuals - decay.residuals.mean())[0]
 
 
-def _unexplained(decay: DecayFit, noise_free: float) -> str | None:
+def _residual_warning(decay: DecayFit, noise_free: float) -> str | None:
     """Return a warning if the residuals are not noise: their share of the motion, and the likely cause."""
     warning = colour_warning(decay.fit, noise_free=noise_free)
     if warning is None or math.isnan(decay.explained_share):
@@ -210,7 +210,7 @@ def _unexplained(decay: DecayFit, noise_free: float) -> str | None:
         cause = "a slow motion: compare rest positions"
     elif order < 1.5:
         cause = "near the mode itself: compare laws; a mode close by would look the same"
-    elif round(order) <= MOST_ORDER and abs(order - round(order)) < NEAR_ORDER:
+    elif round(order) <= MAX_ORDER and abs(order - round(order)) < ORDER_TOLERANCE:
         cause = f"{round(order)} times the frequency of the mode: a harmonic of it, or another mode there"
     else:
         cause = "another mode: fit_modes fits both"
@@ -225,33 +225,34 @@ def _is_rounded(decay: DecayFit) -> bool:
     return decay.residual_rms < resolution(decay.measured) / 2
 
 
-def _changing(decay: DecayFit) -> str | None:
+def _law_change_warning(decay: DecayFit) -> str | None:
     """Return a warning if the two parts of a record disagree on the mode by more than rounding explains."""
     if _is_rounded(decay):
         return None
     fit, rows = decay.fit, decay.rows
     time = decay.time if fit.times is None else decay.release_time + fit.times[rows]
-    mode = [k for k in decay.indices if not fit.names[k].startswith(OF_PARTS) and not fit.active_bounds[k]]
-    late = late_part(fit, [rows], 1 / 2)
-    early = ~late
-    early[: rows.start] = early[rows.stop :] = False
-    parts = [subset_estimates(fit, mask) for mask in (early, late)]
+    indices = [k for k in decay.indices if not fit.names[k].startswith(POORLY_DETERMINED) and not fit.active_bounds[k]]
+    is_late = late_residuals(fit, [rows], 1 / 2)
+    is_early = ~is_late
+    is_early[: rows.start] = is_early[rows.stop :] = False
+    parts = [subset_estimates(fit, mask) for mask in (is_early, is_late)]
     (first, first_covariance), (second, second_covariance) = parts
-    known = [k for k in mode if np.isfinite(first[k] + second[k])]
-    if not known:
+    determined = [k for k in indices if np.isfinite(first[k] + second[k])]
+    if not determined:
         return None
-    change = (second - first)[known]
-    covariance = (first_covariance + second_covariance)[np.ix_(known, known)]
-    size = np.sqrt(np.diag(covariance))
-    normal = change / size
-    square = float(normal @ np.linalg.lstsq(covariance / np.outer(size, size), normal)[0])
-    if scipy.special.chdtrc(len(known), square) >= DISAGREE:
+    change = (second - first)[determined]
+    C = (first_covariance + second_covariance)[np.ix_(determined, determined)]
+    size = np.sqrt(np.diag(C))
+    normalised = change / size
+    chi_squared = float(normalised @ np.linalg.lstsq(C / np.outer(size, size), normalised)[0])
+    if scipy.special.chdtrc(len(determined), chi_squared) >= DISAGREE:
         return None
-    worst = known[int(np.argmax(np.abs(normal)))]
+    worst = determined[int(np.argmax(np.abs(normalised)))]
     name, unit, factor = fit.unknowns[worst].report
-    split = time[int(np.argmax(late[rows]))]
+    split = time[int(np.argmax(is_late[rows]))]
     before, after = (
-        with_error(factor * values[worst], factor * found[worst, worst] ** 0.5, unit) for values, found in parts
+        with_error(factor * values[worst], factor * covariance[worst, worst] ** 0.5, unit)
+        for values, covariance in parts
     )
     return (
         f"the law does not hold over the record: {name} is {before} up to {split:.4g} s, and {after} "
@@ -259,12 +260,12 @@ def _changing(decay: DecayFit) -> str | None:
     )
 
 
-def late_part(fit: Fit, parts: Sequence[slice], share: float) -> Mask:
+def late_residuals(fit: Fit, decays: Sequence[slice], share: float) -> Mask:
     """Return a mask of the residuals of each record after a share of its information on the damping."""
     mask = np.zeros(len(fit.residuals), dtype=bool)
-    named = (k for start in DAMPING for k, name in enumerate(fit.names) if name.startswith(start))
-    column = next((k for k in named if not fit.active_bounds[k]), 0)
-    for rows in parts:
+    damping_unknowns = (k for prefix in DAMPING for k, name in enumerate(fit.names) if name.startswith(prefix))
+    column = next((k for k in damping_unknowns if not fit.active_bounds[k]), 0)
+    for rows in decays:
         information = np.cumsum(fit.jacobian[rows, column] ** 2)
         mask[rows] = information >= share * information[-1]
     return mask

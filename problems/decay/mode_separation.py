@@ -34,12 +34,12 @@ from ancf_casadi.support.inputs import flag, number, physical, vector, whole
 from ancf_casadi.support.interrupts import lasting_interrupts
 from ancf_casadi.support.tables import Displayed
 from problems.decay.limitations import residual_oscillation
-from problems.decay.mode_search import ModeSearch, decay_rate, lasts, search_modes
+from problems.decay.mode_search import ModeSearch, decay_rate, is_lasting, search_modes
 from problems.decay.result import DecayFit
-from problems.decay.solution import as_record, together
+from problems.decay.solution import as_record, fit_jointly
 from problems.decay.takes import DecayModes
 
-MOST_DECAY_MODES = 6  # fitted at once if no number is given
+MAX_DECAY_MODES = 6  # fitted at once if no number is given
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,7 +77,7 @@ class IsolatedMode(Displayed):
     warnings: tuple[str, ...]
 
     def _summary(self) -> str:
-        others = ", ".join(f"{one.frequency:.4g}" for one in self.others)
+        others = ", ".join(f"{mode.frequency:.4g}" for mode in self.others)
         return f"{self.mode.frequency:.4g} Hz{others and f', without {others} Hz'}, {self.record!r}"
 
 
@@ -128,13 +128,13 @@ def fit_modes(
     9.55 Hz, 0.50 %
     """
     record = as_record(time, displacement)
-    most = max(1, len(record.time) // 5)  # four unknowns and one degree of freedom per mode
-    limit = min(MOST_DECAY_MODES, most) if modes is None else whole(modes, "modes", 1, most)
+    max_modes = max(1, len(record.time) // 5)  # four unknowns and one degree of freedom per mode
+    limit = min(MAX_DECAY_MODES, max_modes) if modes is None else whole(modes, "modes", 1, max_modes)
     release = None if release_time is None else number(release_time, "release_time")
-    found, ended = search_modes(record, limit, flag(offset, "offset"), release)
-    notes = [*record.warnings, *found.notes, *([] if modes is None or not ended else [ended])]
+    search, end_reason = search_modes(record, limit, flag(offset, "offset"), release)
+    notes = [*record.warnings, *search.notes, *([] if modes is None or not end_reason else [end_reason])]
     settings: dict[str, Any] = {"modes": modes, "offset": offset, "release_time": release_time}
-    fits = _at_once(found, notes, settings)
+    fits = _fit_all_modes(search, notes, settings)
     return DecayModes(fits[0].fit, fits, again=partial(fit_modes, **settings))
 
 
@@ -175,61 +175,61 @@ def isolate_mode(record: Measurement, band: tuple[float, float], *, release_time
     if not low < high:
         raise InputError(f"must be in order, got {low:g}, {high:g} Hz", "band")
     fits: Sequence[DecayFit] = ()
-    for count in range(1, MOST_DECAY_MODES + 1):
+    for count in range(1, MAX_DECAY_MODES + 1):
         try:
-            found = fit_modes(record, modes=count, release_time=release_time)
+            modes = fit_modes(record, modes=count, release_time=release_time)
         except InputError:
             if count == 1:
                 raise
             break
-        if len(found) <= len(fits):
+        if len(modes) <= len(fits):
             break
-        fits = found
-        inside = [fit for fit in fits if low <= fit.frequency <= high]
-        next_one = residual_oscillation(fits[0])
-        if next_one is None or (inside and low <= next_one.ω / (2 * math.pi) <= high):
+        fits = modes
+        modes_in_band = [fit for fit in fits if low <= fit.frequency <= high]
+        next_oscillation = residual_oscillation(fits[0])
+        if next_oscillation is None or (modes_in_band and low <= next_oscillation.ω / (2 * math.pi) <= high):
             break
-    if not inside:
-        known = ", ".join(f"{fit.frequency:.4g}" for fit in fits)
-        raise InputError(f"no mode is within {low:g} to {high:g} Hz; those found are at {known} Hz", "band")
-    mode = max(inside, key=lambda fit: fit.amplitude)
-    others = tuple(fit for fit in fits if fit is not mode)
-    values = record.values[-mode.samples :] - np.sum([fit.displacement(mode.time) for fit in others], axis=0)
+    if not modes_in_band:
+        frequencies = ", ".join(f"{fit.frequency:.4g}" for fit in fits)
+        raise InputError(f"no mode is within {low:g} to {high:g} Hz; those found are at {frequencies} Hz", "band")
+    mode = max(modes_in_band, key=lambda fit: fit.amplitude)
+    other_modes = tuple(fit for fit in fits if fit is not mode)
+    values = record.values[-mode.samples :] - np.sum([fit.displacement(mode.time) for fit in other_modes], axis=0)
     # correlation of two modes beyond which there is a warning; the errors are then 5 % too small
-    close = [
-        f"the modes at {mode.frequency:.4g} and {other.frequency:.4g} Hz are close, and the latter is subtracted as if "
-        "it were known: the standard errors are too small; fit all modes at once"
-        for other in others
-        if decay_rate(mode) + decay_rate(other) > 0.3 * 2 * math.pi * abs(mode.frequency - other.frequency)
+    warnings = [
+        f"the modes at {mode.frequency:.4g} and {neighbour.frequency:.4g} Hz are close, and the latter is subtracted "
+        "as if it were known: the standard errors are too small; fit all modes at once"
+        for neighbour in other_modes
+        if decay_rate(mode) + decay_rate(neighbour) > 0.3 * 2 * math.pi * abs(mode.frequency - neighbour.frequency)
     ]
     return IsolatedMode(
-        mode, others, Measurement(mode.time, values, record.name, record.sensor, record.warnings), tuple(close)
+        mode, other_modes, Measurement(mode.time, values, record.name, record.sensor, record.warnings), tuple(warnings)
     )
 
 
-def _at_once(found: ModeSearch, notes: Sequence[str], settings: Mapping[str, Any]) -> tuple[DecayFit, ...]:
+def _fit_all_modes(search: ModeSearch, notes: Sequence[str], settings: Mapping[str, Any]) -> tuple[DecayFit, ...]:
     """Return the fits of all modes in the order of frequency, less those that fade at once beside the others."""
-    modes, first = sorted(found.modes, key=lambda mode: mode.frequency), found.modes[0]
+    modes, strongest = sorted(search.modes, key=lambda mode: mode.frequency), search.modes[0]
     while True:
         fits = [
             replace(
                 fit,
-                release_reason=first.release_reason,
+                release_reason=strongest.release_reason,
                 notes=tuple(notes),
-                again=partial(_mode, near=mode.frequency, **settings),
+                again=partial(_refit_mode, frequency=mode.frequency, **settings),
             )
-            for mode, fit in zip(modes, together(modes, found.time, found.values), strict=True)
+            for mode, fit in zip(modes, fit_jointly(modes, search.time, search.values), strict=True)
         ]
-        kept = [mode for mode, fit in zip(modes, fits, strict=True) if mode is first or lasts(fit)]
-        if len(kept) == len(modes):
+        lasting_modes = [mode for mode, fit in zip(modes, fits, strict=True) if mode is strongest or is_lasting(fit)]
+        if len(lasting_modes) == len(modes):
             return tuple(sorted(fits, key=lambda fit: fit.frequency))
-        faded = [mode.frequency for mode in modes if mode not in kept]
+        faded = [mode.frequency for mode in modes if mode not in lasting_modes]
         notes = [
             *notes, *(f"the oscillation near {f:.4g} Hz is no mode: beside the others it fades at once" for f in faded)
         ]  # fmt: skip
-        modes = kept
+        modes = lasting_modes
 
 
-def _mode(record: Measurement, *, near: float, **settings: Any) -> DecayFit:
+def _refit_mode(record: Measurement, *, frequency: float, **settings: Any) -> DecayFit:
     """Return the mode of a record whose frequency (Hz) is closest to another one."""
-    return min(fit_modes(record, **settings), key=lambda fit: abs(fit.frequency - near))
+    return min(fit_modes(record, **settings), key=lambda fit: abs(fit.frequency - frequency))

@@ -19,7 +19,7 @@ import casadi as cs
 import numpy as np
 
 from ancf_casadi.decay.first_guess import first_guess
-from ancf_casadi.decay.rest import REST_TERMS
+from ancf_casadi.decay.rest_position import REST_TERMS
 from ancf_casadi.estimation.fit import Fit
 from ancf_casadi.estimation.prediction import TIME_AXIS, PredictedChannel, RecordPrediction
 from ancf_casadi.estimation.solver.least_squares import least_squares
@@ -27,10 +27,10 @@ from ancf_casadi.exceptions import InputError
 from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.support.inputs import check_instance
 from problems.decay.laws import DecayModel
-from problems.decay.start import of_motion
+from problems.decay.starting_values import guess_of_displacement
 
 
-def predicted(
+def predict_decay(
     fit: Fit, modes: Sequence[tuple[DecayModel, tuple[int, ...]]], residual_rms: float, record: Any
 ) -> RecordPrediction:
     """Return the prediction of a decay with modes that were fitted at once.
@@ -42,35 +42,35 @@ def predicted(
     sensor = modes[0][0].sensor
     if record.sensor != sensor:
         raise InputError(f"must be of {sensor.quantity} as in the fit, got {record.sensor.quantity}", "record")
-    rest = max((model.rest for model, _ in modes), key=list(REST_TERMS).index)
-    guess = of_motion(first_guess(record, rest=rest), sensor.derivatives)
+    rest_law = max((model.rest for model, _ in modes), key=list(REST_TERMS).index)
+    guess = guess_of_displacement(first_guess(record, rest=rest_law), sensor.derivatives)
     time, measured = record.time[guess.release :], record.values[guess.release :]
-    releases = [model.own(guess) for model, _ in modes]
+    releases = [model.release_unknowns(guess) for model, _ in modes]
     ends = np.cumsum([0, *map(len, releases)]).tolist()
 
     def curve(mode: cs.MX, release: cs.MX) -> cs.MX:
         total = cs.MX(0)
         for (model, indices), begin, end in zip(modes, ends, ends[1:], strict=False):
-            shared = indices[: len(model.shared(guess))]
-            total += model.curve(time - time[0], *(mode[k] for k in shared), *cs.vertsplit(release[begin:end]))
+            mode_indices = indices[: len(model.mode_unknowns(guess))]
+            total += model.curve(time - time[0], *(mode[k] for k in mode_indices), *cs.vertsplit(release[begin:end]))
         return total
 
-    found = least_squares(
+    release_fit = least_squares(
         lambda *x: curve(cs.MX(fit.values), cs.vertcat(*x)) - cs.DM(measured),
-        [replace(u, name=f"{u.name}_{position}") for position, own in enumerate(releases) for u in own],
+        [replace(u, name=f"{u.name}_{position}") for position, unknowns in enumerate(releases) for u in unknowns],
         advice="check the record",
     )
     mode = cs.MX.sym("mode", len(fit.names))
-    readings = cs.densify(curve(mode, cs.MX(found.values)))
+    readings = cs.densify(curve(mode, cs.MX(release_fit.values)))
     tangents = cs.densify(cs.jtimes(readings, mode, cs.DM.eye(mode.numel())))
     A = cs.Function("tangents", [mode], [tangents])(fit.values).full()
-    basis = np.linalg.qr(found.jacobian)[0]
+    basis = np.linalg.qr(release_fit.jacobian)[0]
     errors = fit.errors_of(A - basis @ (basis.T @ A))
     channel = PredictedChannel(
         record.name or sensor.quantity,
         sensor.unit,
         measured,
-        measured + found.residuals,
+        measured + release_fit.residuals,
         np.nan_to_num(errors),
         time,
         TIME_AXIS,

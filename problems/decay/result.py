@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike
 
 from ancf_casadi.decay.envelope import LawCurve
 from ancf_casadi.decay.phase import FrequencyLaw
-from ancf_casadi.decay.rest import REST_TERMS
+from ancf_casadi.decay.rest_position import REST_TERMS
 from ancf_casadi.estimation.fit import Quantities
 from ancf_casadi.estimation.intervals import derived_intervals
 from ancf_casadi.estimation.prediction import RecordPrediction
@@ -30,7 +30,7 @@ from ancf_casadi.support.inputs import array
 from ancf_casadi.support.tables import known, to_width
 from problems.decay.laws import DECAY_QUANTITIES, DecayModel, Law
 from problems.decay.limitations import explained_share, limitations
-from problems.decay.prediction import predicted
+from problems.decay.prediction import predict_decay
 
 
 def _quantity(name: str, text: str) -> property:
@@ -142,8 +142,8 @@ class DecayFit(LeastSquaresResult):
         release = next(k for k, i in enumerate(self.indices) if self.fit.names[i].startswith("e0"))
 
         def quantities(*x: cs.MX) -> cs.MX:
-            own = [x[i] for i in self.indices]
-            return self.model.quantities(*own[:release], cs.MX(amplitude), *own[release + 1 :])
+            values = [x[i] for i in self.indices]
+            return self.model.quantities(*values[:release], cs.MX(amplitude), *values[release + 1 :])
 
         values, errors = self.fit.derived(quantities)
         names = tuple(DECAY_QUANTITIES)
@@ -209,11 +209,11 @@ class DecayFit(LeastSquaresResult):
         """Smallest amplitude that the record shows above its noise, and that at the release."""
         end = self.model.amplitude(self.time[-1:] - self.time[0], *(cs.MX(self.fit.values[i]) for i in self.indices))
         frequency = self.at_amplitude(max(float(cs.evalf(end)), self.amplitude / 100))[0]["frequency"]
-        last = self.displacement(self.time[self.time > self.time[-1] - 1 / frequency])
+        last_period = self.displacement(self.time[self.time > self.time[-1] - 1 / frequency])
         per_amplitude = (2 * np.pi * frequency) ** self.model.sensor.derivatives  # of the record
-        visible = max(float(np.ptp(last)) / 2, self.residual_rms) / per_amplitude
-        lowest = max(visible, self.amplitude / 100)
-        return min(lowest, self.amplitude / 2), self.amplitude
+        visible = max(float(np.ptp(last_period)) / 2, self.residual_rms) / per_amplitude
+        smallest = max(visible, self.amplitude / 100)
+        return min(smallest, self.amplitude / 2), self.amplitude
 
     @cached_property
     def ends_of_range(self) -> LawCurve | None:
@@ -270,14 +270,14 @@ class DecayFit(LeastSquaresResult):
         >>> [f"{1e3 * error:.1f} mm" for error in prediction.rms_errors.values()]
         ['0.1 mm']
         """
-        return predicted(self.fit, [(self.model, self.indices)], self.residual_rms, record)
+        return predict_decay(self.fit, [(self.model, self.indices)], self.residual_rms, record)
 
     @property
     def title(self) -> str:
         """The laws."""
-        bent = "" if self.frequency_law == "constant" else f", frequency {self.frequency_law} in the amplitude"
-        moving = f" with {self.model.rest}" * (self.model.rest in ("drift", "creep"))
-        return f"{self.law} decay{moving}{bent}"
+        frequency = "" if self.frequency_law == "constant" else f", frequency {self.frequency_law} in the amplitude"
+        rest_law = f" with {self.model.rest}" * (self.model.rest in ("drift", "creep"))
+        return f"{self.law} decay{rest_law}{frequency}"
 
     def to_dict(self) -> dict[str, Any]:
         """Return the result for JSON, with None for unknown values."""
@@ -305,11 +305,11 @@ class DecayFit(LeastSquaresResult):
 
     def report(self) -> str:
         """Return the result as text, one line per quantity."""
-        rest = REST_TERMS[self.model.rest] or ("offset",)
-        shown = ["frequency", "damping_ratio", *self.model.terms, "amplitude", *rest]
+        rest_terms = REST_TERMS[self.model.rest] or ("offset",)
+        names = ["frequency", "damping_ratio", *self.model.terms, "amplitude", *rest_terms]
         lines = [f"{self.title}, {self.samples} samples from {self.release_time:g} s on; 95 % intervals"]
         lines += [f"  {self.fitted_band}"] if self.fitted_band else []
-        lines += [f"  {name:<20}{getattr(self, name):>13.6g} {self._uncertainty(name)}" for name in shown]
+        lines += [f"  {name:<20}{getattr(self, name):>13.6g} {self._uncertainty(name)}" for name in names]
         if curve := self.ends_of_range:
             lines += [f"  {line}" for line in curve.lines()]
         lines.append(f"  {'release':<20}{self.release_time:>13.6g} s  ({self.release_reason})")

@@ -1,8 +1,8 @@
 """Solution of decay fits: starting values, one least-squares problem for all records or modes, robust rounds.
 
-The fit starts from the first guess or from the track of amplitude and phase (``start``), whichever leaves the smaller
-residuals, and if it does not converge, from the other one.  With several records, the one with the largest amplitude
-gives the starting values of the mode.
+The fit starts from the first guess or from the track of amplitude and phase (``starting_values``), whichever has the
+smaller residuals, and if it does not converge, from the other one.  With several records, the one with the largest
+amplitude gives the starting values of the mode.
 
 A long record with even times is reduced to the band of the mode by a projection on its slowest cosines
 (``ancf_casadi.records.processing``), which keeps estimates and standard errors.  The curve of a first fit is subtracted
@@ -36,9 +36,9 @@ from ancf_casadi.decay.first_guess import DecayGuess, first_guess
 from ancf_casadi.decay.outliers import without_outliers
 from ancf_casadi.decay.phase import FrequencyLaw
 from ancf_casadi.decay.quantisation import rounding_errors
-from ancf_casadi.decay.rest import REST_TERMS
+from ancf_casadi.decay.rest_position import REST_TERMS
 from ancf_casadi.decay.smooth import MIDDLE, SMOOTH_DAMPING, SMOOTH_FREQUENCY, smooth_nodes, smooth_steps
-from ancf_casadi.decay.spectrum import is_even
+from ancf_casadi.decay.spectrum import has_even_steps
 from ancf_casadi.estimation.agreement import DISAGREE, allowing_for_errors, allowing_for_later_starts
 from ancf_casadi.estimation.fit import Fit
 from ancf_casadi.estimation.solve import standardised_residuals
@@ -51,14 +51,15 @@ from ancf_casadi.records.processing import projected, resolution
 from ancf_casadi.support.arrays import Array, root_mean_square
 from ancf_casadi.support.inputs import check_instance
 from problems.decay.laws import DecayModel, Law, with_priors
-from problems.decay.limitations import DAMPING, GROWS, NOISE_FREE, late_part
+from problems.decay.limitations import DAMPING, GROWS, NOISE_FREE, late_residuals
 from problems.decay.result import DecayFit
-from problems.decay.start import evident_law, of_motion, span_of, starting_values
+from problems.decay.starting_values import amplitude_span, guess_of_displacement, select_frequency_law, starting_values
 
-LEAST_REDUCED_LENGTH = 2500  # samples to which a longer record is reduced, if the band of the mode needs no more
+MIN_REDUCED_LENGTH = 2500  # samples to which a longer record is reduced, if the band of the mode needs no more
 REDUCED_PER_PERIOD = 6  # samples that this band needs
 LATER_STARTS = (0.25, 0.5, 0.75)  # shares of the information before a later start, for which errors allow
-MOST_TURNS, SETTLED = 5, 0.1  # of a smooth fit, and relative change of the sizes of its changes that ends them
+MAX_ITERATIONS = 5  # of the prior of a smooth law
+PRIOR_TOLERANCE = 0.1  # relative change of the standard deviations of this prior that ends the iterations
 GROWING = (-0.999, 0.999)  # bounds of a damping ratio that may be negative
 NO_PRIORS: Priors = {}
 SIMPLER_LAWS: Sequence[FrequencyLaw] = ("constant", "linear", "quadratic", "logarithmic")  # than a smooth frequency
@@ -76,7 +77,7 @@ def as_record(time: Measurement | ArrayLike, displacement: ArrayLike | None) -> 
     return without_outliers(Measurement(time, displacement))
 
 
-def fit_one(
+def fit_record(
     record: Measurement,
     model: DecayModel,
     *,
@@ -87,75 +88,71 @@ def fit_one(
     """Fit one free decay; see ``fit_from``."""
     check_instance(record, "records", Measurement)
     guess = first_guess(record, release_time=release_time, rest=model.rest)
-    return fit_from([guess], [record], model, robust, priors=priors)[0]
+    return fit_records([guess], [record], model, robust, priors=priors)[0]
 
 
-def fit_from(
+def fit_records(
     guesses: Sequence[DecayGuess],
     records: Sequence[Measurement],
     model: DecayModel,
     robust: bool = False,
-    near: DecayFit | None = None,
+    other_fit: DecayFit | None = None,
     priors: Priors = NO_PRIORS,
 ) -> tuple[DecayFit, ...]:
     """Fit several free decays of one mode at once, each from its guess; the model takes their sensor.
 
-    A fit of one record by another law that is ``near`` stands for the first fit of a long record.
+    ``other_fit``, the fit of one record by another law, replaces the first fit of a long record.
     """
-    stated, sensor = model, records[0].sensor
+    requested, sensor = model, records[0].sensor
     times = [record.time[guess.release :] for record, guess in zip(records, guesses, strict=True)]
     decays = [after_release(record, guess.release) for record, guess in zip(records, guesses, strict=True)]
-    moving = [of_motion(guess, sensor.derivatives) for guess in guesses]
-    model = replace(model, reference=max(guess.amplitude for guess in moving), sensor=sensor)
+    starts = [guess_of_displacement(guess, sensor.derivatives) for guess in guesses]
+    model = replace(model, reference=max(guess.amplitude for guess in starts), sensor=sensor)
     if model.smooth:
-        model = replace(model, span=span_of(decays, guesses))
+        model = replace(model, span=amplitude_span(decays, guesses))
     lengths = [len(decay.time) for decay in decays]
-    counts = lengths if robust else reduced_counts(decays, [guess.ω for guess in guesses])
+    counts = lengths if robust else sample_counts(decays, [guess.ω for guess in guesses])
     curves: Sequence[Callable[[Array], Array]] = [np.zeros_like] * len(decays)
     start = None
     if counts != lengths:  # the curve of a first fit, which has slopes at the ends
-        if near is None:
-            thinned = [reduced(*one) for one in zip(decays, counts, curves, strict=True)]
-            fit, columns = _match(model, thinned, moving, robust, priors=priors)
-            start, curves = fit.estimates, [curve_at(model, fit.values[list(own)]) for own in columns]
+        if other_fit is None:
+            reduced = [reduce_to_band(*arguments) for arguments in zip(decays, counts, curves, strict=True)]
+            fit, columns = _fit_model(model, reduced, starts, robust, priors=priors)
+            start, curves = fit.estimates, [decay_curve(model, fit.values[list(indices)]) for indices in columns]
         else:
-            curves = [curve_at(near.model, near.fit.values[list(near.indices)])]
-    thinned = [reduced(*one) for one in zip(decays, counts, curves, strict=True)]
-    fit, columns = _match(model, thinned, moving, robust, start, near.fit.estimates if near else {}, priors)
-    parts = [slice(*ends) for ends in pairwise(np.cumsum([0, *counts]).tolist())]
-    rounding = [
-        rounding_of(model, fit.values[list(own)], one, resolution(decay.values), root_mean_square(fit.residuals[rows]))
-        for own, one, decay, rows in zip(columns, thinned, decays, parts, strict=True)
-    ]
-    fit = allow_for_rounding(fit, parts, rounding)
-    fit = allow_for_late_parts(fit, parts, NOISE_FREE * _swing(model, moving))
-    residuals = [fit.residuals[rows] for rows in parts]
-    if counts != lengths:
-        final = [curve_at(model, fit.values[list(own)]) for own in columns]
-        residuals = [curve(decay.time) - decay.values for curve, decay in zip(final, decays, strict=True)]
-    growth = [
-        _growth(model, fit, own, decay, guess) for own, decay, guess in zip(columns, thinned, moving, strict=True)
-    ]
-    given = [float(time[0]) if guess.reason == "given" else None for time, guess in zip(times, guesses, strict=True)]
-    again = [partial(fit_one, model=stated, release_time=release, robust=robust, priors=priors) for release in given]
-    return tuple(
-        DecayFit(fit, model, own, rows, time, rest, guess.reason, (*guess.notes, *grows), again=one)
-        for time, rest, own, rows, guess, grows, one in zip(
-            times, residuals, columns, parts, guesses, growth, again, strict=True
-        )
-    )
+            curves = [decay_curve(other_fit.model, other_fit.fit.values[list(other_fit.indices)])]
+    reduced = [reduce_to_band(*arguments) for arguments in zip(decays, counts, curves, strict=True)]
+    other_estimates = other_fit.fit.estimates if other_fit else {}
+    fit, columns = _fit_model(model, reduced, starts, robust, start, other_estimates, priors)
+    rows_of = [slice(*ends) for ends in pairwise(np.cumsum([0, *counts]).tolist())]
+    rounding = []
+    for indices, fitted, decay, rows in zip(columns, reduced, decays, rows_of, strict=True):
+        residual_rms, step = root_mean_square(fit.residuals[rows]), resolution(decay.values)
+        rounding.append(rounding_curves(model, fit.values[list(indices)], fitted, step, residual_rms))
+    fit = allow_for_rounding(fit, rows_of, rounding)
+    fit = allow_for_late_residuals(fit, rows_of, NOISE_FREE * _largest_swing(model, starts))
+    results = []
+    for k, (guess, indices, rows) in enumerate(zip(guesses, columns, rows_of, strict=True)):
+        residuals = fit.residuals[rows]
+        if counts != lengths:
+            residuals = decay_curve(model, fit.values[list(indices)])(decays[k].time) - decays[k].values
+        notes = (*guess.notes, *_growth_warnings(model, fit, indices, reduced[k], starts[k]))
+        release = float(times[k][0]) if guess.reason == "given" else None
+        refit = partial(fit_record, model=requested, release_time=release, robust=robust, priors=priors)
+        results.append(DecayFit(fit, model, indices, rows, times[k], residuals, guess.reason, notes, again=refit))
+    return tuple(results)
 
 
-def rounding_of(model: DecayModel, values: Array, decay: Measurement, step: float, residual_rms: float) -> Array:
+def rounding_curves(model: DecayModel, values: Array, decay: Measurement, step: float, residual_rms: float) -> Array:
     """Return the errors (m, 4) of rounding in a decay to steps, 0 if there are none (``rounding_errors``)."""
     if not step:
         return np.zeros((len(decay.time), 4))
-    ω, lasting = values[0], len(values) - len(REST_TERMS[model.rest])
-    swing = curve_at(replace(model, rest="zero"), values[:lasting])(decay.time)
+    ω, mode_and_release = values[0], len(values) - len(REST_TERMS[model.rest])
+    swing = decay_curve(replace(model, rest="zero"), values[:mode_and_release])(decay.time)
     amplitude = cs.evalf(model.amplitude(decay.time, *map(cs.MX, values.tolist()))).full().ravel()
-    size = amplitude * ω**model.sensor.derivatives
-    cosine = np.divide(swing, size, out=np.zeros_like(swing), where=size > 0.0)
-    return rounding_errors(size, cosine, step, residual_rms)
+    sensor_amplitude = amplitude * ω**model.sensor.derivatives
+    cosine = np.divide(swing, sensor_amplitude, out=np.zeros_like(swing), where=sensor_amplitude > 0.0)
+    return rounding_errors(sensor_amplitude, cosine, step, residual_rms)
 
 
 def allow_for_rounding(fit: Fit, decays: Sequence[slice], errors: Sequence[Array]) -> Fit:
@@ -166,40 +163,40 @@ def allow_for_rounding(fit: Fit, decays: Sequence[slice], errors: Sequence[Array
     return allowing_for_errors(fit, columns) if columns.any() else fit
 
 
-def allow_for_late_parts(fit: Fit, decays: Sequence[slice], noise_free: float) -> Fit:
-    """Return a fit whose covariance allows for the scatter between late parts of its decays and the rest.
+def allow_for_late_residuals(fit: Fit, decays: Sequence[slice], max_noise_free: float) -> Fit:
+    """Return a fit whose covariance allows for the scatter between estimates from later starts of its decays.
 
-    ``decays`` are the residuals of each decay; up to the root mean square ``noise_free``, residuals are no noise.
+    ``decays`` are the rows of each decay; residuals up to the root mean square ``max_noise_free`` are no noise.
     """
-    if not fit.residual_rms > noise_free:
+    if not fit.residual_rms > max_noise_free:
         return fit
-    return allowing_for_later_starts(fit, [late_part(fit, decays, share) for share in LATER_STARTS])
+    return allowing_for_later_starts(fit, [late_residuals(fit, decays, share) for share in LATER_STARTS])
 
 
-def _growth(
+def _growth_warnings(
     model: DecayModel, fit: Fit, columns: Sequence[int], decay: Measurement, guess: DecayGuess
 ) -> tuple[str, ...]:
     """Return a warning if a fit ends at its least damping because the oscillation of a record grows."""
     damping = [k for k in columns if fit.names[k] in DAMPING]
     if not all(fit.values[k] == fit.lower[k] >= 0.0 for k in damping):
         return ()
-    growing = replace(model, law="linear", ratio_bounds=GROWING)
+    growing_model = replace(model, law="linear", ratio_bounds=GROWING)
     try:
-        alone, _ = _match(growing, [decay], [guess], robust=False)
+        growing_fit, _ = _fit_model(growing_model, [decay], [guess], robust=False)
     except FitError:
         return ()
-    position = alone.names.index("zeta")
+    index = growing_fit.names.index("zeta")
     # without noise, rounding alone may seem to grow
-    least = NOISE_FREE / (guess.ω * decay.time[-1])
-    if not alone.intervals(1 - DISAGREE)[position, 1] < -least:
+    min_growth = NOISE_FREE / (guess.ω * decay.time[-1])
+    if not growing_fit.intervals(1 - DISAGREE)[index, 1] < -min_growth:
         return ()
     return (
-        f"{GROWS}, by a damping ratio of about {alone.values[position]:.2g}: it is no free decay; "
+        f"{GROWS}, by a damping ratio of about {growing_fit.values[index]:.2g}: it is no free decay; "
         "give a release after the growth, or the linear law with ratio_bounds below 0",
     )
 
 
-def _swing(model: DecayModel, guesses: Sequence[DecayGuess]) -> float:
+def _largest_swing(model: DecayModel, guesses: Sequence[DecayGuess]) -> float:
     """Return the largest amplitude of the records at the release, in the unit of their sensor."""
     return max(guess.amplitude * guess.ω**model.sensor.derivatives for guess in guesses)
 
@@ -210,29 +207,29 @@ def after_release(record: Measurement, release: int) -> Measurement:
     return Measurement(time - time[0], record.values[release:], sensor=record.sensor)
 
 
-def fitted_part(record: Measurement, fit: DecayFit) -> Measurement:
+def fitted_samples(record: Measurement, fit: DecayFit) -> Measurement:
     """Return the samples of a record that its fit used: from the release on, reduced to the band of the mode."""
     decay = after_release(record, len(record.time) - len(fit.time))
-    return reduced(decay, fit.fitted_samples, lambda time: fit.displacement(time + fit.release_time))
+    return reduce_to_band(decay, fit.fitted_samples, lambda time: fit.displacement(time + fit.release_time))
 
 
-def reduced_counts(decays: Sequence[Measurement], ω: Sequence[float]) -> list[int]:
+def sample_counts(decays: Sequence[Measurement], ω: Sequence[float]) -> list[int]:
     """Return the number of samples that a fit needs of each decay: all, if one of them is short or unevenly sampled.
 
     The samples of all decays become fewer by the same ratio, because a fit takes their noise as equal.
     """
-    needed = [
-        max(LEAST_REDUCED_LENGTH, REDUCED_PER_PERIOD * one * decay.time[-1] / (2 * math.pi))
-        for one, decay in zip(ω, decays, strict=True)
+    needed_counts = [
+        max(MIN_REDUCED_LENGTH, REDUCED_PER_PERIOD * frequency * decay.time[-1] / (2 * math.pi))
+        for frequency, decay in zip(ω, decays, strict=True)
     ]
     lengths = [len(decay.time) for decay in decays]
-    ratio = max(count / length for count, length in zip(needed, lengths, strict=True))
-    if 2 * ratio >= 1.0 or not all(is_even(decay.time) for decay in decays):
+    ratio = max(count / length for count, length in zip(needed_counts, lengths, strict=True))
+    if 2 * ratio >= 1.0 or not all(has_even_steps(decay.time) for decay in decays):
         return lengths
     return [math.ceil(ratio * length) for length in lengths]
 
 
-def reduced(decay: Measurement, count: int, curve: Callable[[Array], Array]) -> Measurement:
+def reduce_to_band(decay: Measurement, count: int, curve: Callable[[Array], Array]) -> Measurement:
     """Return a decay with fewer samples: those of a curve of the time, plus the projected rest."""
     m = len(decay.time)
     if count == m:
@@ -241,33 +238,33 @@ def reduced(decay: Measurement, count: int, curve: Callable[[Array], Array]) -> 
     return Measurement(time, curve(time) + projected(decay.values - curve(decay.time), count), sensor=decay.sensor)
 
 
-def curve_at(model: DecayModel, values: ArrayLike) -> Callable[[Array], Array]:
+def decay_curve(model: DecayModel, values: ArrayLike) -> Callable[[Array], Array]:
     """Return the curve for values of its unknowns, as a function of the time (s) after the release."""
     x = [cs.MX(float(value)) for value in np.asarray(values)]
     return lambda time: np.asarray(cs.evalf(model.curve(time, *x))).ravel()
 
 
-def together(modes: Sequence[DecayFit], t: Array, y: Array) -> tuple[DecayFit, ...]:
+def fit_jointly(modes: Sequence[DecayFit], t: Array, y: Array) -> tuple[DecayFit, ...]:
     """Return the fits of modes, known from fits alone, at once to values y at times t (s) from the release on."""
     unknowns: list[Unknown] = []
     columns = []
-    for position, mode in enumerate(modes, start=1):
+    for number, mode in enumerate(modes, start=1):
         columns.append(tuple(range(len(unknowns), len(unknowns) + len(mode.indices))))
-        own = started([mode.fit.unknowns[i] for i in mode.indices], mode.fit.estimates)
-        unknowns += [replace(u, name=f"{u.name}_{position}") for u in own]
-    decay, pairs = Measurement(t - t[0], y), list(zip(modes, columns, strict=True))
-    (count,) = reduced_counts([decay], [2 * np.pi * max(mode.frequency for mode in modes)])
+        indices = started([mode.fit.unknowns[i] for i in mode.indices], mode.fit.estimates)
+        unknowns += [replace(u, name=f"{u.name}_{number}") for u in indices]
+    decay, mode_indices = Measurement(t - t[0], y), list(zip(modes, columns, strict=True))
+    (count,) = sample_counts([decay], [2 * np.pi * max(mode.frequency for mode in modes)])
     values = np.array([u.guess for u in unknowns])
 
     def curves(time: Array) -> list[Array]:
-        return [curve_at(mode.model, values[list(own)])(time) for mode, own in pairs]
+        return [decay_curve(mode.model, values[list(indices)])(time) for mode, indices in mode_indices]
 
     for _ in range(1 + (count < len(t))):  # with the curves of the first fit, which have slopes at the ends
-        fitted = reduced(decay, count, lambda time: np.asarray(np.sum(curves(time), axis=0)))
+        fitted = reduce_to_band(decay, count, lambda time: np.asarray(np.sum(curves(time), axis=0)))
 
-        def residuals(*x: cs.MX, part: Measurement = fitted) -> cs.MX:
-            parts = (mode.model.curve(part.time, *(x[i] for i in own)) for mode, own in pairs)
-            return sum(parts, -cs.MX(cs.DM(part.values)))
+        def residuals(*x: cs.MX, decay: Measurement = fitted) -> cs.MX:
+            curves = (mode.model.curve(decay.time, *(x[i] for i in indices)) for mode, indices in mode_indices)
+            return sum(curves, -cs.MX(cs.DM(decay.values)))
 
         fit = least_squares(
             residuals,
@@ -277,9 +274,10 @@ def together(modes: Sequence[DecayFit], t: Array, y: Array) -> tuple[DecayFit, .
             advice="fit fewer modes, or check the time of the release",
         )
         values, unknowns = fit.values, started(unknowns, fit.estimates)
-    rest = np.asarray(np.sum(curves(decay.time), axis=0) - y)
+    curve_residuals = np.asarray(np.sum(curves(decay.time), axis=0) - y)
     return tuple(
-        replace(mode, fit=fit, indices=own, rows=slice(0, count), time=t, residuals=rest) for mode, own in pairs
+        replace(mode, fit=fit, indices=indices, rows=slice(0, count), time=t, residuals=curve_residuals)
+        for mode, indices in mode_indices
     )
 
 
@@ -288,21 +286,21 @@ def _simpler_starts(
 ) -> dict[str, float]:
     """Return starting values under smooth laws: the fit of the simplest frequency law that the largest decay shows."""
     largest = int(np.argmax([guess.amplitude for guess in guesses]))
-    (simpler, *_) = simpler_models(model, (evident_law(decays[largest], guesses[largest], SIMPLER_LAWS),))
+    (simpler, *_) = simpler_models(model, (select_frequency_law(decays[largest], guesses[largest], SIMPLER_LAWS),))
     try:
-        fit, (own, *_) = _match(simpler, decays, guesses, robust=False)
+        fit, (indices, *_) = _fit_model(simpler, decays, guesses, robust=False)
     except FitError:
         return {}
-    x = [cs.MX(value) for value in fit.values[list(own)]]
+    x = [cs.MX(value) for value in fit.values[list(indices)]]
     at_nodes = simpler.against_amplitude(smooth_nodes(model.reference, model.span), *x)
-    return {**fit.estimates, **smooth_values(model, *(cs.evalf(part).full().ravel() for part in at_nodes))}
+    return {**fit.estimates, **smooth_values(model, *(cs.evalf(column).full().ravel() for column in at_nodes))}
 
 
 def simpler_models(model: DecayModel, frequency_laws: Sequence[FrequencyLaw] = SIMPLER_LAWS) -> list[DecayModel]:
     """Return the models with simpler laws in place of smooth ones."""
     law = SIMPLER_LAW if model.law == "smooth" else model.law
-    bent = frequency_laws if model.frequency_law == "smooth" else (model.frequency_law,)
-    return [replace(model, law=law, frequency_law=one) for one in bent]
+    candidate_laws = frequency_laws if model.frequency_law == "smooth" else (model.frequency_law,)
+    return [replace(model, law=law, frequency_law=frequency_law) for frequency_law in candidate_laws]
 
 
 def smooth_values(model: DecayModel, ratios: Array, frequencies: Array) -> dict[str, float]:
@@ -319,93 +317,98 @@ def smooth_values(model: DecayModel, ratios: Array, frequencies: Array) -> dict[
     return values
 
 
-def _match(
+def _fit_model(
     model: DecayModel,
     decays: Sequence[Measurement],
     guesses: Sequence[DecayGuess],
     robust: bool,
     start: Mapping[str, float] | None = None,
-    near: Mapping[str, float] = MappingProxyType({}),
+    other_estimates: Mapping[str, float] = MappingProxyType({}),
     priors: Priors = NO_PRIORS,
 ) -> tuple[Fit, list[tuple[int, ...]]]:
     """Return the fit of a model, and the positions of the unknowns of each record.
 
-    Unknowns named in ``start`` begin at the values given there, the others at the guesses.  If it is not given, the
-    fit starts from the guesses, from the track of amplitude and phase, or from there with the values in ``near``; those
-    of smooth laws come from the fit by simpler ones.
+    Unknowns named in ``start`` begin at the values given there, the others at the guesses.  Without ``start``, the fit
+    begins at the guesses, at the track of amplitude and phase, or at the track with ``other_estimates``, whichever has
+    the smallest residuals.  For smooth laws, the fit of simpler laws gives ``other_estimates``.
     """
     unknowns, columns = _unknowns(model, guesses)
     unknowns = with_priors(unknowns, priors, model)
-    known = _prior_residuals(model, unknowns)
-    smooth = [len(terms.names) for terms in model.smooth]
-    if smooth and start is None:
-        near = _simpler_starts(model, decays, guesses)
+    prior_residuals = _prior_residuals(model, unknowns)
+    term_counts = [len(terms.names) for terms in model.smooth]
+    if term_counts and start is None:
+        other_estimates = _simpler_starts(model, decays, guesses)
     times, measured = [decay.time for decay in decays], cs.DM(np.concatenate([decay.values for decay in decays]))
     x = cs.MX.sym("x", len(unknowns))
-    curve = cs.vertcat(*(model.curve(t, *(x[i] for i in own)) for t, own in zip(times, columns, strict=True)))
+    curve = cs.vertcat(*(model.curve(t, *(x[i] for i in indices)) for t, indices in zip(times, columns, strict=True)))
     curves = cs.Function("curves", [x], [curve], {"always_inline": True})  # built once, and inserted where needed
 
     smoothness = np.array([terms.first for terms in model.smooth])
 
-    def solved(start: Sequence[Unknown], noise: float, huber: float = math.inf) -> Fit:
+    def solve_from(unknowns: Sequence[Unknown], noise: float, huber: float = math.inf) -> Fit:
         sizes = cs.DM(smoothness)
 
         def residuals(*x: cs.MX) -> cs.MX:
-            return cs.vertcat(curves(cs.vertcat(*x)) - measured, noise * known(cs.vertcat(*x), sizes))
+            return cs.vertcat(curves(cs.vertcat(*x)) - measured, noise * prior_residuals(cs.vertcat(*x), sizes))
 
-        return least_squares(residuals, start, huber=huber, deviation=noise, **settings)
+        return least_squares(residuals, unknowns, huber=huber, deviation=noise, **settings)
 
-    def misfit(start: Sequence[Unknown]) -> float:
-        return float(cs.sumsqr(curves([u.guess for u in start]) - measured))
+    def misfit(unknowns: Sequence[Unknown]) -> float:
+        return float(cs.sumsqr(curves([u.guess for u in unknowns]) - measured))
 
     if start is None:
-        tracked = started(unknowns, _tracked(model, decays, guesses))
-        starts = sorted([unknowns, tracked, *([started(tracked, near)] if near else [])], key=misfit)
+        starts = [unknowns, started(unknowns, _track_starts(model, decays, guesses))]
+        if other_estimates:
+            starts.append(started(starts[-1], other_estimates))
+        starts.sort(key=misfit)
     else:
         starts = [started(unknowns, start)]
-    held = known.numel_out()
+    prior_count = prior_residuals.numel_out()
     settings: dict[str, Any] = {
-        "series": [*(len(t) for t in times), *[1] * held],
-        "times": np.concatenate([*times, np.zeros(held)]),
-        "stated": np.repeat([False, True], [measured.numel(), held]),
+        "series": [*(len(t) for t in times), *[1] * prior_count],
+        "times": np.concatenate([*times, np.zeros(prior_count)]),
+        "stated": np.repeat([False, True], [measured.numel(), prior_count]),
         "systematic": rounding_error(decays),
         "advice": "check the time of the release, or fit a law with fewer terms",
     }
-    least = NOISE_FREE * _swing(model, guesses)
-    first = math.sqrt(misfit(starts[0]) / measured.numel()) if smooth else 0.0  # of a simpler law
+    min_noise = NOISE_FREE * _largest_swing(model, guesses)
+    simpler_noise = math.sqrt(misfit(starts[0]) / measured.numel()) if term_counts else 0.0  # of a simpler law
+    noise = max(simpler_noise, min_noise)
     fit, errors = None, list[FitError]()
-    for one in starts:
+    for start_unknowns in starts:
         try:
-            fit = solved(one, max(first, least))  # in which priors hold what the record leaves open
+            fit = solve_from(start_unknowns, noise)  # in which priors hold what the record does not determine
             break
         except FitError as error:
             errors.append(error)
     if fit is None:
         raise errors[0]
-    noise = max(first, least)
-    for turn in range(MOST_TURNS if smooth else 3 if robust else min(held, 1)):  # until the noise settles
-        own = fit.residuals[: measured.numel()]
-        if turn and smooth:
-            changes = np.split(standardised_residuals(fit)[-sum(smooth) :] / noise, np.cumsum(smooth)[:-1])
-            before = smoothness
-            smoothness = before * [root_mean_square(change) for change in changes]
+    for iteration in range(MAX_ITERATIONS if term_counts else 3 if robust else min(prior_count, 1)):
+        residuals = fit.residuals[: measured.numel()]
+        if iteration and term_counts:
+            changes = np.split(standardised_residuals(fit)[-sum(term_counts) :] / noise, np.cumsum(term_counts)[:-1])
+            previous = smoothness
+            smoothness = previous * [root_mean_square(change) for change in changes]
             smoothness = np.maximum(smoothness, [terms.least for terms in model.smooth])
-            if is_settled(before, smoothness):
+            if has_converged(previous, smoothness):
                 break
-        noise = noise_of(own) if robust else math.sqrt(float(own @ own) / max(len(own) - fit.rank, 1))
-        if noise <= least and not smooth:
+        if robust:
+            noise = noise_of(residuals)
+        else:
+            noise = math.sqrt(float(residuals @ residuals) / max(len(residuals) - fit.rank, 1))
+        if noise <= min_noise and not term_counts:
             break
-        noise = max(noise, least)
-        fit = solved(started(fit.unknowns, fit.estimates), noise, HUBER * noise if robust else math.inf)
-    return without_stated_smoothness(fit), columns
+        noise = max(noise, min_noise)
+        fit = solve_from(started(fit.unknowns, fit.estimates), noise, HUBER * noise if robust else math.inf)
+    return without_smoothness_test(fit), columns
 
 
-def is_settled(before: Array, smoothness: Array) -> bool:
+def has_converged(previous: Array, smoothness: Array) -> bool:
     """Return whether the standard deviations of the changes of smooth laws settle, from two rounds of a fit."""
-    return bool((np.abs(np.log(smoothness / before)) < SETTLED).all())
+    return bool((np.abs(np.log(smoothness / previous)) < PRIOR_TOLERANCE).all())
 
 
-def without_stated_smoothness(fit: Fit) -> Fit:
+def without_smoothness_test(fit: Fit) -> Fit:
     """Return a fit that says nothing of stated standard deviations, unless an unknown has a prior that states one."""
     if any(unknown.prior for unknown in fit.unknowns):
         return fit
@@ -427,30 +430,30 @@ def _prior_residuals(model: DecayModel, unknowns: Sequence[Unknown]) -> cs.Funct
     Those of the changes of smooth laws, which come last, are a second argument.
     """
     x, smoothness = cs.MX.sym("x", len(unknowns)), cs.MX.sym("smoothness", len(model.smooth))
-    known = [unknown.prior_residual(x[k]) for k, unknown in enumerate(unknowns) if unknown.prior]
+    residuals = [unknown.prior_residual(x[k]) for k, unknown in enumerate(unknowns) if unknown.prior]
     names = [unknown.name for unknown in unknowns]
     for k, terms in enumerate(model.smooth):
-        known.append(smooth_steps([x[names.index(name)] for name in terms.names]) / smoothness[k])
-    return cs.Function("prior", [x, smoothness], [cs.vertcat(cs.MX(0, 1), *known)], {"always_inline": True})
+        residuals.append(smooth_steps([x[names.index(name)] for name in terms.names]) / smoothness[k])
+    return cs.Function("prior", [x, smoothness], [cs.vertcat(cs.MX(0, 1), *residuals)], {"always_inline": True})
 
 
 def _unknowns(model: DecayModel, guesses: Sequence[DecayGuess]) -> tuple[list[Unknown], list[tuple[int, ...]]]:
     """Return the unknowns of the mode, then those of each record, and the positions of the unknowns of each record."""
-    unknowns = model.shared(max(guesses, key=lambda guess: guess.amplitude))
+    unknowns = model.mode_unknowns(max(guesses, key=lambda guess: guess.amplitude))
     shared, columns = tuple(range(len(unknowns))), []
     for guess, suffix in zip(guesses, _suffixes(guesses), strict=True):
-        own = model.own(guess)
-        columns.append((*shared, *range(len(unknowns), len(unknowns) + len(own))))
-        unknowns += [replace(u, name=u.name + suffix) for u in own]
+        release_unknowns = model.release_unknowns(guess)
+        columns.append((*shared, *range(len(unknowns), len(unknowns) + len(release_unknowns))))
+        unknowns += [replace(u, name=u.name + suffix) for u in release_unknowns]
     return unknowns, columns
 
 
-def _tracked(model: DecayModel, decays: Sequence[Measurement], guesses: Sequence[DecayGuess]) -> dict[str, float]:
+def _track_starts(model: DecayModel, decays: Sequence[Measurement], guesses: Sequence[DecayGuess]) -> dict[str, float]:
     """Return starting values by name from the track of each record; the largest record gives those of the mode."""
-    found = [starting_values(model, decay, guess) for decay, guess in zip(decays, guesses, strict=True)]
-    values = dict(found[int(np.argmax([guess.amplitude for guess in guesses]))])
-    for one, suffix in zip(found, _suffixes(guesses), strict=True):
-        values |= {name + suffix: value for name, value in one.items()}
+    record_values = [starting_values(model, decay, guess) for decay, guess in zip(decays, guesses, strict=True)]
+    values = dict(record_values[int(np.argmax([guess.amplitude for guess in guesses]))])
+    for start, suffix in zip(record_values, _suffixes(guesses), strict=True):
+        values |= {name + suffix: value for name, value in start.items()}
     return values
 
 

@@ -10,7 +10,7 @@ from typing import Any, overload
 import casadi as cs
 import numpy as np
 
-from ancf_casadi.decay.rest import REST_TERMS
+from ancf_casadi.decay.rest_position import REST_TERMS
 from ancf_casadi.estimation.agreement import Agreement
 from ancf_casadi.estimation.fit import CONFIDENCE_LEVEL, Quantities
 from ancf_casadi.estimation.prediction import RecordPrediction
@@ -19,10 +19,10 @@ from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.tables import Table
 from problems.decay.laws import DECAY_QUANTITIES
-from problems.decay.prediction import predicted
+from problems.decay.prediction import predict_decay
 from problems.decay.result import DecayFit
 
-OF_RECORD = ("amplitude", *REST_TERMS["creep"])  # quantities that belong to a release and a sensor, not to a mode
+RELEASE_QUANTITIES = ("amplitude", *REST_TERMS["creep"])  # of a release and a sensor, not of a mode
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,9 +74,12 @@ class DecayFits(LeastSquaresResult, Sequence[DecayFit]):
     @property
     def _shared(self) -> tuple[str, ...]:
         """Names of the quantities that all decays have in common."""
-        model = self.fits[0].model  # what depends on the amplitude is stated at that of each record
-        own = ["damping_ratio"] * (model.law != "linear") + ["frequency", "frequency_change"] * model.bends
-        return tuple(name for name in DECAY_QUANTITIES if name not in (*OF_RECORD, *own))
+        model, excluded = self.fits[0].model, list(RELEASE_QUANTITIES)
+        if model.law != "linear":  # what depends on the amplitude is stated at that of each record
+            excluded.append("damping_ratio")
+        if model.frequency_varies:
+            excluded += ["frequency", "frequency_change"]
+        return tuple(name for name in DECAY_QUANTITIES if name not in excluded)
 
     @cached_property
     def _smallest(self) -> DecayFit:
@@ -84,26 +87,25 @@ class DecayFits(LeastSquaresResult, Sequence[DecayFit]):
         return min(self.fits, key=lambda fit: fit.amplitude)
 
     @cached_property
-    def _kept(self) -> list[tuple[DecayFit, list[int]]]:
-        """Each decay, and the positions of its quantities, less those that the first one has as well."""
-        every = list(range(len(DECAY_QUANTITIES)))
-        further = [i for i, name in enumerate(DECAY_QUANTITIES) if name not in self._shared]
-        return [(fit, further if k else every) for k, fit in enumerate(self.fits)]
+    def _positions(self) -> list[tuple[DecayFit, list[int]]]:
+        """Each decay, and the positions of its quantities that are listed: the first decay lists the shared ones."""
+        record_positions = [i for i, name in enumerate(DECAY_QUANTITIES) if name not in self._shared]
+        return [(fit, record_positions if k else list(range(len(DECAY_QUANTITIES)))) for k, fit in enumerate(self.fits)]
 
     @cached_property
     def quantities(self) -> tuple[tuple[str, ...], tuple[str, ...], Quantities]:
         """Names and units of the quantities, and the function from the unknowns to them."""
-        order, single = list(DECAY_QUANTITIES), DECAY_QUANTITIES if len(self) == 1 else self._shared
-        own = [(k, order[i]) for k, (_, kept) in enumerate(self._kept, start=1) for i in kept]
-        names = tuple(name if name in single else f"{name}_{k}" for k, name in own)
-        return names, tuple(self.fits[0].model.unit(name) for _, name in own), self._quantities
+        order, unnumbered = list(DECAY_QUANTITIES), DECAY_QUANTITIES if len(self) == 1 else self._shared
+        listed = [(k, order[i]) for k, (_, positions) in enumerate(self._positions, start=1) for i in positions]
+        names = tuple(name if name in unnumbered else f"{name}_{k}" for k, name in listed)
+        return names, tuple(self.fits[0].model.unit(name) for _, name in listed), self._quantities
 
     def _quantities(self, *x: cs.MX) -> cs.MX:
-        return cs.vertcat(*(fit.quantities[2](*x)[kept] for fit, kept in self._kept))
+        return cs.vertcat(*(fit.quantities[2](*x)[positions] for fit, positions in self._positions))
 
     def _ends(self, level: float) -> Array:
         """Return the intervals (q, 2) of all quantities within their bounds."""
-        return np.concatenate([fit._ends(level)[kept] for fit, kept in self._kept])
+        return np.concatenate([fit._ends(level)[positions] for fit, positions in self._positions])
 
     @cached_property
     def agreements(self) -> tuple[Agreement, ...]:
@@ -115,34 +117,35 @@ class DecayFits(LeastSquaresResult, Sequence[DecayFit]):
             return ()
         model = self.fits[0].model
         ratio = ("damping_ratio",) if model.law == "linear" else ()
-        every = [fit.at_amplitude(self._smallest.amplitude) for fit in self.alone]
-        found = []
+        at_smallest = [fit.at_amplitude(self._smallest.amplitude) for fit in self.alone]
+        agreements = []
         for name in ("frequency", *model.terms, *ratio):
             if name == "frequency_change" and model.frequency_law == "smooth":
                 continue  # which refers to the smallest amplitude of each record
-            values, errors = (np.array([own[name] for own in columns]) for columns in zip(*every, strict=True))
+            values = np.array([quantities[name] for quantities, _ in at_smallest])
+            errors = np.array([standard_errors[name] for _, standard_errors in at_smallest])
             if (errors > 0.0).all():
-                found.append(Agreement(name, model.unit(name), values, errors, *model.bounds[name]))
-        return tuple(found)
+                agreements.append(Agreement(name, model.unit(name), values, errors, *model.bounds[name]))
+        return tuple(agreements)
 
     @property
-    def _agreed(self) -> list[Agreement]:
+    def _shared_agreements(self) -> list[Agreement]:
         """Agreements on quantities that do not depend on the amplitude, whose mean is the estimate."""
-        return [one for one in self.agreements if one.name in self._shared]
+        return [a for a in self.agreements if a.name in self._shared]
 
     @property
     def estimates(self) -> dict[str, float]:
         """Value of each estimated quantity by name."""
-        return super().estimates | {one.name: one.mean for one in self._agreed}
+        return super().estimates | {a.name: a.mean for a in self._shared_agreements}
 
     @property
     def standard_errors(self) -> dict[str, float]:
         """Standard error of each estimated quantity by name; nan at a bound."""
-        return super().standard_errors | {one.name: one.error for one in self._agreed}
+        return super().standard_errors | {a.name: a.error for a in self._shared_agreements}
 
     def intervals(self, level: float = CONFIDENCE_LEVEL) -> dict[str, Interval]:
         """Return the interval of each estimated quantity by name for a confidence level."""
-        return super().intervals(level) | {one.name: one.ends(level) for one in self._agreed}
+        return super().intervals(level) | {a.name: a.ends(level) for a in self._shared_agreements}
 
     @property
     def covariance(self) -> Array:
@@ -153,8 +156,8 @@ class DecayFits(LeastSquaresResult, Sequence[DecayFit]):
     @cached_property
     def warnings(self) -> tuple[str, ...]:
         """Disagreements of the records, then the warnings of the fit to each record."""
-        own = [one.warning for one in self.agreements if one.warning]
-        return (*own, *dict.fromkeys(text for fit in self.fits for text in fit.warnings))
+        disagreements = [a.warning for a in self.agreements if a.warning]
+        return (*disagreements, *dict.fromkeys(text for fit in self.fits for text in fit.warnings))
 
     def predict(self, record: Measurement) -> RecordPrediction:
         """Compute another decay with the estimates, as ``DecayFit.predict``."""
@@ -167,21 +170,24 @@ class DecayFits(LeastSquaresResult, Sequence[DecayFit]):
 
     def table(self) -> Table:
         """Return each quantity of the mode from each record alone, from all at once, and their mean with scatter."""
-        names = [one.name for one in self.agreements]
+        names = [a.name for a in self.agreements]
         if not self.agreements:
             return super().table()
-        labels = [f"{one.name}, {one.unit}".removesuffix(", ") for one in self.agreements]
-        columns = ("record", *(part for label in labels for part in (label, "stderr")), "residual_rms")
-        named = [*zip(range(1, len(self) + 1), self.alone, strict=True), ("all at once", self.fits[0])]
+        labels = [f"{a.name}, {a.unit}".removesuffix(", ") for a in self.agreements]
+        columns = ("record", *(column for label in labels for column in (label, "stderr")), "residual_rms")
+        fits = {**{str(k): fit for k, fit in enumerate(self.alone, start=1)}, "all at once": self.fits[0]}
         amplitude = self._smallest.amplitude
         rows: list[tuple[str | float | None, ...]] = []
-        for label, fit in named:
+        for label, fit in fits.items():
             values, errors = fit.at_amplitude(amplitude)
-            rows.append((str(label), *(own[name] for name in names for own in (values, errors)), fit.residual_rms))
-        rows.append(("mean", *(value for one in self.agreements for value in (one.mean, one.error)), None))
-        rows.append(("scatter", *(value for one in self.agreements for value in (one.scatter, None)), None))
-        notes = [one.text() for one in self.agreements]
-        if self.fits[0].model.bends:
+            rows.append(
+                (label, *(number for name in names for number in (values[name], errors[name])), fit.residual_rms)
+            )
+        means = [number for agreement in self.agreements for number in (agreement.mean, agreement.error)]
+        scatter = [number for agreement in self.agreements for number in (agreement.scatter, None)]
+        rows += [("mean", *means, None), ("scatter", *scatter, None)]
+        notes = [agreement.text() for agreement in self.agreements]
+        if self.fits[0].model.frequency_varies:
             unit = self.fits[0].units["amplitude"]
             notes.append(f"the frequency is that at {amplitude:.4g} {unit}, the smallest amplitude of a release")
         return Table("takes", "The mode from each record, and from all at once", columns, rows, notes)
@@ -230,8 +236,8 @@ class DecayModes(DecayFits):
 
     def predict(self, record: Measurement) -> RecordPrediction:
         """Compute another decay with the estimates of all modes, as ``DecayFit.predict``."""
-        modes = [(one.model, one.indices) for one in self.fits]
-        return predicted(self.fit, modes, self.fits[0].residual_rms, record)
+        modes = [(mode.model, mode.indices) for mode in self.fits]
+        return predict_decay(self.fit, modes, self.fits[0].residual_rms, record)
 
     @property
     def title(self) -> str:
@@ -241,17 +247,16 @@ class DecayModes(DecayFits):
     @cached_property
     def warnings(self) -> tuple[str, ...]:
         """Limitations of the record, and those of single modes with the number and the frequency of the mode."""
-        every = [fit.warnings for fit in self.fits]
-        if len(every) == 1:
-            return every[0]
-        shared = [text for text in every[0] if all(text in own for own in every)]
-        named = [
+        if len(self.fits) == 1:
+            return self.fits[0].warnings
+        shared = [text for text in self.fits[0].warnings if all(text in fit.warnings for fit in self.fits)]
+        mode_warnings = [
             f"mode {k} ({fit.frequency:.4g} Hz): {text}"
             for k, fit in enumerate(self.fits, start=1)
             for text in fit.warnings
             if text not in shared
         ]
-        return (*shared, *named)
+        return (*shared, *mode_warnings)
 
     def table(self) -> Table:
         """Return one row per mode with 95 % intervals, and the remarks that concern all."""

@@ -54,7 +54,7 @@ from ancf_casadi.estimation.solver.unknown import Unknown
 from ancf_casadi.support.arrays import Array, ComplexArray
 from ancf_casadi.support.callbacks import Differentiable, kept
 from ancf_casadi.support.tall import tall_qr
-from problems.decay.limitations import IMPRECISE, MOST_ORDER
+from problems.decay.limitations import IMPRECISE, MAX_ORDER
 from problems.frf.modal_sum import LARGEST_RATIO, RESIDUAL_POWERS, TrialFit, stack_parts
 from problems.frf.record import FrfRecord, moving_mean
 
@@ -196,7 +196,7 @@ def harmonics_notes(frequencies: Array) -> list[str]:
         orders = np.round(frequencies / base)
         is_multiple = np.abs(frequencies / (np.maximum(orders, 1.0) * base) - 1.0) < HARMONIC_DISTANCE
         multiples = [
-            j for j in np.flatnonzero(is_multiple & (orders > 1.0) & (orders <= MOST_ORDER)).tolist() if j not in listed
+            j for j in np.flatnonzero(is_multiple & (orders > 1.0) & (orders <= MAX_ORDER)).tolist() if j not in listed
         ]
         if k in listed or not multiples:
             continue

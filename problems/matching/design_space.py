@@ -33,7 +33,7 @@ from ancf_casadi.estimation.solver.least_squares import AT_BOUND
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.beam import Beam
 from ancf_casadi.mechanics.lumped import lumped_kind
-from ancf_casadi.mechanics.model import Model, changed_model, check_curvature, lumped_value, property_rows
+from ancf_casadi.mechanics.model import Model, check_curvature, lumped_value, model_with_properties, property_rows
 from ancf_casadi.support.arrays import Array, Mask
 from ancf_casadi.support.inputs import check_instance, is_sequence, numbers, positive, shown
 from ancf_casadi.support.tables import Displayed
@@ -168,7 +168,7 @@ class DesignSpace:
 
     def changed_beam(self, m: Array) -> Beam:
         """Return the beam with these properties."""
-        return changed_model(Model(self.beam), self.properties(m)).beam
+        return model_with_properties(Model(self.beam), self.properties(m)).beam
 
     def room(self, m: Array) -> tuple[Array, Array]:
         """Return the changes of the factors that lead to the lower and to the upper bounds, (F,) each."""

@@ -28,7 +28,7 @@ from ancf_casadi.estimation.solver.unknown import Priors, Unknown
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.support.arrays import Array, Index
-from ancf_casadi.vibration.modal_state import ModalState, follow, followed_modes, gradient, hessian
+from ancf_casadi.vibration.modal_state import ModalState, follow, gradient, hessian, modal_state
 from ancf_casadi.vibration.modes import Modes, natural_modes, rigid_modes
 from problems.matching.design_space import WEIGHT, DesignSpace, LeastChange
 from problems.matching.measured_modes import MeasuredModes
@@ -69,7 +69,7 @@ class Matching:
     @cached_property
     def standard(self) -> ModalState:
         """The modes of the given beam to which the targets are assigned."""
-        return followed_modes(self.standard_modes, self.numbers)
+        return modal_state(self.standard_modes, self.numbers)
 
     @cached_property
     def observer(self) -> Array:

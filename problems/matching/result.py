@@ -16,12 +16,12 @@ from ancf_casadi.estimation.result import FitResult, Interval
 from ancf_casadi.estimation.solver.unknown import share_lines
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.beam import Beam
-from ancf_casadi.mechanics.lumped import lumped_kind, unit_of
+from ancf_casadi.mechanics.lumped import lumped_kind, property_unit
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.figures import Figure
 from ancf_casadi.support.tables import Table
 from ancf_casadi.support.tables import known as finite
-from ancf_casadi.vibration.modes import unit_doubt
+from ancf_casadi.vibration.modes import unit_warning
 from problems.matching.identifiability import Identifiability
 from problems.matching.measured_modes import MeasuredModes
 from problems.matching.response import Matching
@@ -143,7 +143,7 @@ class FrequencyMatch(FitResult):
     @property
     def units(self) -> dict[str, str]:
         """SI unit of each property that may change."""
-        return {name: unit_of(name) for name in self._names}
+        return {name: property_unit(name) for name in self._names}
 
     @property
     def standard_errors(self) -> dict[str, float]:
@@ -268,7 +268,7 @@ class FrequencyMatch(FitResult):
                 else "no bound limits the fit; let other properties change"
             )
             worst = f"a frequency error of {100 * self.max_relative_error:.3g} % remains"
-            reason = unit_doubt(np.array(self.targets), np.array(self.standard)) or limit
+            reason = unit_warning(np.array(self.targets), np.array(self.standard)) or limit
             notes.append(f"the targets are out of reach of these unknowns: {worst}, and {reason}")
         given_modes = (self.matching.numbers + 1).tolist()
         if self.mac is None and given_modes != [*self.modes]:

@@ -29,7 +29,7 @@ from problems.beam.curves.response_block import ResponseBlock, first_weights
 from problems.decay.laws import DecayModel
 from problems.decay.limitations import NOISE_FREE
 from problems.decay.result import DecayFit
-from problems.decay.solution import fitted_part, rounding_error, rounding_of
+from problems.decay.solution import fitted_samples, rounding_curves, rounding_error
 from problems.mode.oscillator import closest_motions, response_curve
 
 # factor on standard deviations below which rounding hides the closest points (test_known_values_are_recovered...)
@@ -50,7 +50,7 @@ class ModeDecay:
     def rounding(self, values: Mapping[str, float]) -> Array:
         """Return the errors (m, 4) of rounding, for values of the unknowns by name."""
         unknown_values = np.array([values[name] for name in self.unknown_names])
-        return rounding_of(self.model, unknown_values, self.record, self.step, self.separate_fit.residual_rms)
+        return rounding_curves(self.model, unknown_values, self.record, self.step, self.separate_fit.residual_rms)
 
     def curve(self, unknowns: Mapping[str, cs.MX]) -> cs.MX:
         """Return the decay (m,) for unknowns by name, in the unit of the sensor."""
@@ -205,7 +205,7 @@ def mode_decay(
     names = tuple(name if name in law_names else f"{name}_{number}" for name in separate_fit.fit.names)
     label = record.name or f"decay {number}"
     model = replace(model, sensor=record.sensor)
-    return ModeDecay(label, fitted_part(record, separate_fit), model, names, separate_fit, resolution(record.values))
+    return ModeDecay(label, fitted_samples(record, separate_fit), model, names, separate_fit, resolution(record.values))
 
 
 def release_unknowns(decay: ModeDecay, law_names: Sequence[str]) -> list[Unknown]:

@@ -24,7 +24,7 @@ import numpy as np
 
 from ancf_casadi.decay.first_guess import DecayGuess
 from ancf_casadi.decay.phase import FrequencyLaw
-from ancf_casadi.decay.rest import Rest
+from ancf_casadi.decay.rest_position import Rest
 from ancf_casadi.decay.smooth import AMPLITUDE_SPAN
 from ancf_casadi.estimation.block import Block
 from ancf_casadi.estimation.solve import FitProblem, FitSolution, solve
@@ -39,13 +39,13 @@ from problems.beam.curves.record import ResponseRecord
 from problems.decay.laws import RATIO_BOUNDS, DecayModel, Law, with_priors
 from problems.decay.result import DecayFit
 from problems.decay.solution import (
-    MOST_TURNS,
-    allow_for_late_parts,
+    MAX_ITERATIONS,
+    allow_for_late_residuals,
     allow_for_rounding,
     as_record,
-    fit_one,
-    is_settled,
-    without_stated_smoothness,
+    fit_record,
+    has_converged,
+    without_smoothness_test,
 )
 from problems.mode.decays import (
     DecayBlock,
@@ -145,7 +145,7 @@ def fit_mode(
     if len(releases) != len(decays):
         raise InputError(f"has {len(releases)} values for {len(decays)} decays", "release_times")
     separate_fits = [
-        fit_one(decay, requested, release_time=t, robust=robust) for decay, t in zip(decays, releases, strict=True)
+        fit_record(decay, requested, release_time=t, robust=robust) for decay, t in zip(decays, releases, strict=True)
     ]
     factors = [reading_factor(curve) for curve in curves]
     angles = [float(np.angle(factor[0])) for factor in factors]
@@ -230,7 +230,7 @@ def _mode_problem(
     }
     starts = _start_values(model, groups, given_constant, largest)
     start = starts[0]
-    law_unknowns = model.shared(_start_guess(model, start))
+    law_unknowns = model.mode_unknowns(_start_guess(model, start))
     law_names = tuple(unknown.name for unknown in law_unknowns)
     unknowns = [
         unknown
@@ -259,11 +259,11 @@ def _mode_problem(
 def _solve_smoothness(solution: FitSolution) -> FitSolution:
     """Repeat the fit until the standard deviations of the changes of smooth laws settle."""
     smoothness = _smoothness(solution)
-    for _ in range(MOST_TURNS if smoothness.size else 0):
+    for _ in range(MAX_ITERATIONS if smoothness.size else 0):
         before, problem = smoothness, solution.problem
         solution = solve(replace(problem, unknowns=tuple(started(problem.unknowns, solution.fit.estimates))))
         smoothness = _smoothness(solution)
-        if is_settled(before, smoothness):
+        if has_converged(before, smoothness):
             break
     return solution
 
@@ -285,7 +285,7 @@ def _span(curves: Sequence[ResponseRecord]) -> float:
 
 def _with_noise_of_decays(solution: FitSolution) -> FitSolution:
     """Return the solution with the noise of ``fit_decay``, which allows for differences of late parts of the decays."""
-    solution = replace(solution, fit=without_stated_smoothness(solution.fit))
+    solution = replace(solution, fit=without_smoothness_test(solution.fit))
     for block, fitted in solution.fitted_blocks:
         if isinstance(block, DecayBlock):
             ends = fitted.rows.start + np.cumsum([0, *block.series])
@@ -294,7 +294,7 @@ def _with_noise_of_decays(solution: FitSolution) -> FitSolution:
             pairs = zip(block.decays, block.weights.deviations.tolist(), strict=True)
             rounding = [fitted.scale / std * decay.rounding(fitted.fit.estimates) for decay, std in pairs]
             fit = allow_for_rounding(fitted.fit, decays, rounding)
-            return replace(solution, fit=allow_for_late_parts(fit, decays, noise_free))
+            return replace(solution, fit=allow_for_late_residuals(fit, decays, noise_free))
     return solution
 
 

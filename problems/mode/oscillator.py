@@ -59,7 +59,7 @@ from problems.beam.curves.points import MOST_STEPS, POINTS_CLOSE, CurvePoints, M
 from problems.beam.curves.record import BASE_MOTIONS, ResponseRecord
 from problems.decay.laws import DECAY_TERMS, DecayModel
 from problems.decay.solution import simpler_models, smooth_values
-from problems.decay.start import SHAPES
+from problems.decay.starting_values import NONLINEAR_STARTS
 
 POINTS_CLOSE_ENOUGH = 1e-3  # the same, where rounding keeps further steps from shrinking
 MOST_HALVINGS = 20
@@ -202,7 +202,7 @@ def _best_regression(
     """Return the misfit and the values of the best exponents and corners."""
     regressions = [
         _regression(model, groups, given_constant, bending, exponent)
-        for bending in SHAPES.get(model.frequency_law, ((),))
+        for bending in NONLINEAR_STARTS.get(model.frequency_law, ((),))
         for exponent in (EXPONENT_STARTS if model.law == "power" else (None,))
     ]
     return min(regressions, key=itemgetter(0))
@@ -217,7 +217,10 @@ def _regression(
 ) -> tuple[float, dict[str, float]]:
     """Return the misfit and the values for given exponents and corners."""
     omega, A, g = map(np.concatenate, zip(*groups.values(), strict=True))
-    middle, undamped = float(np.median(omega)), len(model.frequency_terms) - len(bending) if model.bends else 0
+    middle, undamped = (
+        float(np.median(omega)),
+        len(model.frequency_terms) - len(bending) if model.frequency_varies else 0,
+    )
     changes = [model.change(A, *direction, *bending) for direction in np.eye(undamped)]
     damping_names = DECAY_TERMS[model.law] if model.law not in ("linear", "power") else ("zeta",)
     rates = {
@@ -240,7 +243,7 @@ def _regression(
     x = solution.x / size
     square = max(float(x[0]), 1e-6 * middle**2)
     values = {"omega": math.sqrt(square)}
-    if model.bends:
+    if model.frequency_varies:
         slopes = x[1 : 1 + undamped] / (2 * square)
         values |= dict(zip(model.frequency_terms, (*slopes.tolist(), *bending), strict=True))
     values |= dict(zip(damping_names, x[1 + undamped :].tolist(), strict=False))
@@ -261,7 +264,7 @@ def median_modal_constant(model: DecayModel, points: Points, values: Mapping[str
 
 def law_at(model: DecayModel, amplitude: Array, values: Mapping[str, float]) -> tuple[Array, Array]:
     """Return damping ratio and frequency (Hz) at amplitudes for values of the unknowns by name."""
-    names = [unknown.name for unknown in model.shared(mode_guess(values["omega"], LEAST_RATIO, model.reference))]
+    names = [unknown.name for unknown in model.mode_unknowns(mode_guess(values["omega"], LEAST_RATIO, model.reference))]
     law = [cs.MX(values[name]) for name in names]
     ratio, frequency = model.against_amplitude(amplitude, *law, cs.MX(1), cs.MX(0))
     return np.asarray(cs.evalf(ratio)).ravel(), np.asarray(cs.evalf(frequency)).ravel()

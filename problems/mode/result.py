@@ -24,14 +24,14 @@ from ancf_casadi.support.inputs import check_instance
 from ancf_casadi.support.tables import Table
 from problems.beam.curves.checks import oriented
 from problems.beam.curves.record import BASE_MOTIONS, ResponseRecord
-from problems.decay.law_curve import given_amplitudes, with_bands
+from problems.decay.law_curve import check_amplitudes, curve_with_bands
 from problems.decay.laws import DECAY_QUANTITIES, DecayModel
-from problems.decay.prediction import predicted
-from problems.decay.takes import OF_RECORD
+from problems.decay.prediction import predict_decay
+from problems.decay.takes import RELEASE_QUANTITIES
 from problems.mode.decays import ModeCurveBlock, mode_curve_block
 from problems.mode.oscillator import reading_factor
 
-MODE_QUANTITIES = tuple(name for name in DECAY_QUANTITIES if name not in OF_RECORD)
+MODE_QUANTITIES = tuple(name for name in DECAY_QUANTITIES if name not in RELEASE_QUANTITIES)
 USUAL_PARTICIPATION = (0.05, 20.0)  # range of the participation of a mode; beyond, check the unit of the levels
 
 
@@ -133,12 +133,12 @@ class ModeFit(BlocksResult):
         """
         if amplitudes is None:
             amplitudes = np.geomspace(self.min_amplitude, self.max_amplitude, 60)
-        amplitudes = given_amplitudes(amplitudes)
+        amplitudes = check_amplitudes(amplitudes)
 
         def laws(*x: cs.MX) -> tuple[cs.MX, cs.MX]:
             return self.model.against_amplitude(amplitudes, *(x[k] for k in self._law_positions), cs.MX(1), cs.MX(0))
 
-        return with_bands(self.fit, laws, amplitudes, level, self.model.unit("amplitude"))
+        return curve_with_bands(self.fit, laws, amplitudes, level, self.model.unit("amplitude"))
 
     @cached_property
     def agreements(self) -> tuple[Agreement, ...]:
@@ -192,7 +192,7 @@ class ModeFit(BlocksResult):
         if isinstance(record, Measurement):
             model = replace(self.given, reference=self.model.reference, sensor=record.sensor)
             noise = [float(np.mean(channel.noise)) for channel in self.channels if channel.unit == record.sensor.unit]
-            return predicted(self.fit, [(model, self._law_positions)], noise[0] if noise else math.nan, record)
+            return predict_decay(self.fit, [(model, self._law_positions)], noise[0] if noise else math.nan, record)
         block = self.curve_block
         pairs = zip(block.records, block.constants, strict=True) if block else ()
         names = {str(curve.excitation_unit): name for curve, name in pairs}

@@ -48,7 +48,7 @@ def run(model):
 def film(monkeypatch):
     """What the pictures would show, instead of a file."""
     seen = []
-    monkeypatch.setattr(motions, "encoded", lambda *_: b"")
+    monkeypatch.setattr(motions, "encode_pictures", lambda *_: b"")
     monkeypatch.setattr(motions, "pictures", seen.append)
     return seen
 

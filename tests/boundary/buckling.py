@@ -9,7 +9,7 @@ from scipy.optimize import brentq
 
 from ancf_casadi import Clamp, Equilibrium, Model, Pin, Roller, natural_modes
 from ancf_casadi.vibration.assembly import Position, Structure
-from ancf_casadi.vibration.equilibrium import neighbour
+from ancf_casadi.vibration.equilibrium import neighbouring_equilibrium
 from tests.boundary.statics import nodal_force
 from tests.boundary.unit_beam import AXIAL, unit_beam
 
@@ -30,7 +30,7 @@ def turned(model, angles):
 def settled(model, e):
     """Return the equilibrium next to some coordinates; None if Newton's method does not find it."""
     way = model.moved(model.of_free(e)) + model.whole_of_base @ [0.0, 0.0, 1.0, 0.0] - e
-    at = neighbour(Structure.of(model), Position.of(e), way=way)
+    at = neighbouring_equilibrium(Structure.of(model), Position.of(e), support_motion=way)
     return at and Equilibrium(model, at.coordinates, remainder=at.remainder)
 
 

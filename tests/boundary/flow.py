@@ -4,7 +4,7 @@ import numpy as np
 
 from ancf_casadi import LineLoad, Model
 from ancf_casadi.vibration.assembly import Position, Structure
-from ancf_casadi.vibration.equilibrium import neighbour
+from ancf_casadi.vibration.equilibrium import neighbouring_equilibrium
 from tests.boundary.unit_beam import unit_beam
 
 
@@ -21,7 +21,7 @@ def blade_in_uniform_flow(n):
         while abs(change).max() > 1e-7:
             spans = zip(drag.tolist(), ends[:-1].tolist(), ends[1:].tolist(), strict=True)
             loads = [LineLoad((0.0, -size), begin, end, follower=True) for size, begin, end in spans]
-            rest = neighbour(Structure.of(model, loads), rest)
+            rest = neighbouring_equilibrium(Structure.of(model, loads), rest)
             slopes = middle @ rest.coordinates
             cosines = slopes[:, 1] / np.linalg.norm(slopes, axis=1)
             change = np.log(cauchy * cosines**2 / drag)

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from ancf_casadi.decay.closed_forms import friction_decay, linear_decay
-from ancf_casadi.decay.release import end_of_excitation, find_release
+from ancf_casadi.decay.release import find_end_of_excitation, find_release
 from problems import fit_decay
 
 FREQUENCY = 1.85  # Hz
@@ -131,7 +131,7 @@ def test_a_plain_decay_with_missing_frames_is_hardly_ever_taken_for_an_excitatio
         while keep.mean() > 0.7 and (longest < 200 or keep.all()):
             begin = int(rng.integers(len(t)))
             keep[begin : begin + int(rng.integers(1, longest + 1))] = False
-        taken += end_of_excitation(t[keep], y[keep]) > 0
+        taken += find_end_of_excitation(t[keep], y[keep]) > 0
     assert taken <= (kind == "two modes")
 
 

@@ -7,7 +7,7 @@ import pytest
 
 from ancf_casadi.decay.first_guess import first_guess
 from ancf_casadi.decay.release import find_release
-from ancf_casadi.decay.spectrum import is_even, peak_frequencies, typical_step
+from ancf_casadi.decay.spectrum import has_even_steps, peak_frequencies, typical_step
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.records.measurement import Measurement
 from problems import fit_decay
@@ -110,7 +110,7 @@ def test_a_step_with_a_short_decay_is_found_with_few_samples():
 def test_the_spectrum_of_uneven_times_has_its_peak_at_the_frequency():
     rng = np.random.default_rng(8)
     for time in (np.sort(rng.uniform(0.0, 10.0, 300)), np.arange(0.0, 10.0, 1 / 30)[rng.random(300) > 0.3]):
-        assert not is_even(time)
+        assert not has_even_steps(time)
         assert peak_frequencies(time, np.cos(2 * math.pi * 6.9 * time))[0] == pytest.approx(6.9, abs=0.02)
 
 

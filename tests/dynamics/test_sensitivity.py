@@ -29,7 +29,7 @@ from ancf_casadi.dynamics.derivatives.tangent import MotionRun
 from ancf_casadi.dynamics.equations import Equations
 from ancf_casadi.dynamics.radau.collocation import Collocation
 from ancf_casadi.exceptions import SimulationError
-from ancf_casadi.mechanics.model import changed_model
+from ancf_casadi.mechanics.model import model_with_properties
 
 BASE = HarmonicBase(0.02, 3.0, stop=0.15)
 SETTINGS = {"duration": 0.24, "sample_rate": 100.0, "tolerance": 1e-7}
@@ -355,7 +355,7 @@ def test_supports_stay_in_place_as_curvature_and_prestress_change(model, start, 
     first, place = problem.equations.model, problem.layout["lumped"]
     directions = lumped_directions(problem, at)
     at[place] = 0.8, 300.0
-    other = changed_model(first, np.concatenate([first.properties.ravel(), at[place]]))
+    other = model_with_properties(first, np.concatenate([first.properties.ravel(), at[place]]))
     begin = static_equilibrium(other, tip_force=(0.002, 0.0)) if start == "held" else start
     settings = {"duration": 0.05, "sample_rate": 200.0, "tolerance": 1e-8, "method": "radau"}
     expected = simulate(other, damping=problem.equations.law, base=base, start=begin, **settings).coordinates

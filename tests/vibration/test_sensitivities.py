@@ -10,9 +10,9 @@ from ancf_casadi.vibration.assembly import Position, Structure, structure_proper
 from ancf_casadi.vibration.modal_state import (
     ModalState,
     follow,
-    followed_modes,
     gradient,
     hessian,
+    modal_state,
     modes_near,
     sensitivities,
 )
@@ -30,7 +30,7 @@ def state(request) -> ModalState:
     values = spread * np.array([5e-3, 0.5e-3, 8e3, 210e9])[:, None]
     names = ("width", "thickness", "density", "elastic_modulus")
     beam = Beam(0.5, *(tuple(values[k]) for k in range(len(names))), axis=(0.4, -1.0)).with_(**request.param)
-    return followed_modes(natural_modes(Model(beam), count=COUNT), np.arange(COUNT))
+    return modal_state(natural_modes(Model(beam), count=COUNT), np.arange(COUNT))
 
 
 @pytest.fixture(scope="module")
@@ -96,7 +96,7 @@ class TestUniformBeam:
 
     def logarithmic(self, model: Model) -> np.ndarray:
         """Return d ln f/d ln (width, thickness, density, modulus), each of the whole beam, (m, 4)."""
-        state = followed_modes(natural_modes(model, count=4), np.arange(4))
+        state = modal_state(natural_modes(model, count=4), np.arange(4))
         whole = np.eye(4).repeat(model.beam.elements, axis=0)
         _, eigenvalues, _ = sensitivities(state, state.properties[:, None] * whole)
         return eigenvalues / (2 * state.eigenvalues[:, None])
@@ -123,7 +123,7 @@ class TestFollowing:
     def test_bending_crosses_the_first_axial_mode(self, paper_beam):
         """f4 of bending ~ h meets c/(4 L) = 2562 Hz at 22.5 mm: number 4 at 20 mm, 5 at 25 mm."""
         thin = self.thick(paper_beam, 20e-3)
-        start = followed_modes(natural_modes(thin, count=6), np.array([3, 4]))
+        start = modal_state(natural_modes(thin, count=6), np.array([3, 4]))
         bending, axial = start.frequencies
         assert axial == pytest.approx(np.sqrt(210e9 / 8e3) / (4 * 0.5), rel=1e-3)
         thicker = self.thick(paper_beam, 25e-3)
@@ -134,7 +134,7 @@ class TestFollowing:
 
     def test_the_path_does_not_matter(self, paper_beam):
         thin, thicker = self.thick(paper_beam, 20e-3), self.thick(paper_beam, 25e-3)
-        start = followed_modes(natural_modes(thin, count=6), np.array([3, 4]))
+        start = modal_state(natural_modes(thin, count=6), np.array([3, 4]))
         by_itself = follow(start, structure_properties(thicker))
         in_steps = start
         for factor in np.linspace(0.1, 1.0, 10):
@@ -161,7 +161,7 @@ class TestFollowing:
     def test_a_fine_mesh_has_the_frequencies_of_natural_modes(self, paper_beam):
         """400 elements, from the equilibrium of another beam."""
         thin, bent = (Model(paper_beam(400, axis=(1.0, -1.0), thickness=t)) for t in (0.5e-3, 0.52e-3))
-        followed = follow(followed_modes(natural_modes(thin), np.arange(5)), structure_properties(bent))
+        followed = follow(modal_state(natural_modes(thin), np.arange(5)), structure_properties(bent))
         assert followed.frequencies == pytest.approx(natural_modes(bent).frequencies, rel=1e-10)
 
     def test_an_unstable_beam_has_no_state(self, paper_beam):

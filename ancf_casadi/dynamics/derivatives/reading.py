@@ -32,7 +32,7 @@ import casadi as cs
 
 from ancf_casadi.dynamics.equations import Equations
 from ancf_casadi.exceptions import InputError
-from ancf_casadi.mechanics.model import Model, axial_strains_near, curvature_at
+from ancf_casadi.mechanics.model import Model, curvature_at, neighbouring_axial_strains
 from ancf_casadi.mechanics.nodes import NODE
 from ancf_casadi.records.sensor import AT_CLAMP, Sensor
 from ancf_casadi.support.arrays import Array
@@ -120,7 +120,7 @@ class SampledMotion:
         model, at = self.model, partial(self._rows, vectors=self.e)
         thickness = self.properties[1, model.element_at(s)]
         z = thickness / 2 if distance is None else distance
-        axial = sum(weight * strain for weight, _, strain in axial_strains_near(model, s, at))
+        axial = sum(weight * strain for weight, _, strain in neighbouring_axial_strains(model, s, at))
         bent = curvature_at(model, s, at)
         if model.beam.natural_curvature:
             natural = model.beam.natural_curvature[model.element_at(s)] / model.lumped["natural_curvature"]

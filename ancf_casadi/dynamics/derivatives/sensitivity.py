@@ -60,7 +60,7 @@ from ancf_casadi.dynamics.start import LOAD_NAMES, START_LOAD_NAMES, Start, chec
 from ancf_casadi.dynamics.tip_load import TipLoad
 from ancf_casadi.exceptions import InputError, SimulationError
 from ancf_casadi.mechanics.loads import PointLoad
-from ancf_casadi.mechanics.model import Model, changed_model
+from ancf_casadi.mechanics.model import Model, model_with_properties
 from ancf_casadi.mechanics.nodes import NODE
 from ancf_casadi.mechanics.state import State
 from ancf_casadi.support.arrays import Array, Index, Layout
@@ -241,7 +241,9 @@ class SensitivityProblem:
         """Return the beam with other properties."""
         model = self.equations.model
         rows = properties.reshape(model.properties.shape, order="F")
-        return changed_model(model, np.concatenate([rows.ravel(), lumped if self.lumped else [*model.lumped.values()]]))
+        return model_with_properties(
+            model, np.concatenate([rows.ravel(), lumped if self.lumped else [*model.lumped.values()]])
+        )
 
     def _pass(
         self, excitation: Excitation, state: State, parameters: Array, most_steps: int

@@ -26,7 +26,7 @@ from ancf_casadi.exceptions import NumericsError
 from ancf_casadi.mechanics.lumped import lumped_kind
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.reduction import ReducedModel, reduce_model
-from ancf_casadi.reduction.reduced import Reduction, rebuilt
+from ancf_casadi.reduction.reduced import Reduction, rebuild_reduction
 from ancf_casadi.response.harmonic_balance.system import beam_drive
 from ancf_casadi.support.arrays import Array, Index
 from ancf_casadi.support.tables import known
@@ -226,7 +226,7 @@ class CurveBlock(ResponseBlock):
         ]
         model = scaled_model(self.model, self._owners, np.array(factors))
         first = _reduced(self.model, self.modes, self.law)
-        return first if model is self.model else rebuilt(first, model)
+        return first if model is self.model else rebuild_reduction(first, model)
 
     @cached_property
     def _owners(self) -> Index:

@@ -44,7 +44,7 @@ from ancf_casadi.support.inputs import (
 )
 from ancf_casadi.support.tables import Displayed
 from ancf_casadi.vibration.equilibrium import bends_allowed, largest_bend
-from ancf_casadi.vibration.modes import natural_modes, rigid_modes, unit_doubt
+from ancf_casadi.vibration.modes import natural_modes, rigid_modes, unit_warning
 from ancf_casadi.vibration.statics import stable_position
 from problems.beam.mesh import split_model
 from problems.beam.properties import property_owners, scaled_model
@@ -320,7 +320,7 @@ class FrequencyRecord(PropertyRecord):
         numbers = np.array(self.modes)[self.present]
         with bends_allowed():
             modes = natural_modes(self.model, count=int(numbers.max()))
-        return unit_doubt(self.measured, modes.frequencies[numbers - 1])
+        return unit_warning(self.measured, modes.frequencies[numbers - 1])
 
 
 def _cases(loads: object, model: Model) -> tuple[tuple[PointLoad, ...], ...]:

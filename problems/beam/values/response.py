@@ -29,8 +29,8 @@ from ancf_casadi.mechanics.nodes import NODE
 from ancf_casadi.records.sensor import Sensor
 from ancf_casadi.support.arrays import Array, Index
 from ancf_casadi.vibration.assembly import per_element, scatter, structure_properties
-from ancf_casadi.vibration.equilibrium import Equilibrium, neighbour
-from ancf_casadi.vibration.modal_state import ModalState, coordinate_derivatives, follow, followed_modes, gradient
+from ancf_casadi.vibration.equilibrium import Equilibrium, neighbouring_equilibrium
+from ancf_casadi.vibration.modal_state import ModalState, coordinate_derivatives, follow, gradient, modal_state
 from ancf_casadi.vibration.modes import natural_modes
 from ancf_casadi.vibration.statics import stable_position, static_equilibrium
 from problems.beam.properties import scale_properties, scaled_model
@@ -42,7 +42,7 @@ STATIC_QUANTITIES = ("position", "displacement", "slope", "strain", "force", "mo
 
 def modal_response(model: Model, numbers: Index, owners: Index) -> Respond:
     """Return the function from factors to the natural frequencies (Hz) of modes, from 0, and their Jacobian."""
-    standard = followed_modes(natural_modes(model, count=int(numbers.max()) + 1), numbers)
+    standard = modal_state(natural_modes(model, count=int(numbers.max()) + 1), numbers)
 
     def respond(factors: Array) -> tuple[Array, Array]:
         properties, directions = scale_properties(standard.properties, owners, factors)
@@ -84,7 +84,7 @@ def _read_at_rest(
     """Return the readings in one case, (k,), and their Jacobian, (k, p), from the equilibrium of the given beam."""
     changed_properties, directions = scale_properties(equilibrium.structure.properties, owners, factors)
     structure = replace(equilibrium.structure, properties=changed_properties)
-    at = neighbour(structure, equilibrium.exact)
+    at = neighbouring_equilibrium(structure, equilibrium.exact)
     if at is None:
         at = stable_position(scaled_model(model, owners, factors), equilibrium.all_loads)
     state = ModalState(structure, at, np.arange(0), np.zeros(0), np.zeros((model.size, 0)))
@@ -99,7 +99,7 @@ def _base_forces(state: ModalState, dq: Array, directions: Array) -> tuple[Array
     """Return the generalized forces on the base, (4,), and their derivatives, (4, N)."""
     size = state.model.size
     force, change = np.zeros((size, 1)), np.zeros(dq.shape)
-    for elements in state.structure.parts:
+    for elements in state.structure.groups:
         forces, by_coordinate, by_property, _ = per_element(elements.balance.linearisation, *state.inputs(elements))
         force += scatter(elements.coordinates, forces, size)
         moved = by_coordinate @ dq[elements.coordinates] + by_property @ directions[elements.properties]

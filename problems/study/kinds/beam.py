@@ -14,7 +14,7 @@ from ancf_casadi.exceptions import FitError, InputError
 from ancf_casadi.export.identification import Identification
 from ancf_casadi.export.model_document import Document
 from ancf_casadi.mechanics.beam import Beam
-from ancf_casadi.mechanics.lumped import unit_of
+from ancf_casadi.mechanics.lumped import property_unit
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.mechanics.spec import BeamSpec
 from ancf_casadi.mechanics.supports import Clamp
@@ -79,7 +79,7 @@ def properties_finding(beam: Beam, printed: Printed, origin: Finding | None = No
     if varying:
         notes.append(f"Means over the elements: {', '.join(varying).replace('_', ' ')} vary along the beam.")
     for name, value in beam.lumped.items():
-        scale, unit = (1e3, "g") if unit_of(name) == "kg" else (1.0, unit_of(name))
+        scale, unit = (1e3, "g") if property_unit(name) == "kg" else (1.0, property_unit(name))
         error = scale * errors.get(name, math.nan)
         first = f"; guess {scale * guess.lumped.get(name, 0.0):.4g} {unit}" if guess and name in errors else ""
         notes.append(f"{name.replace('_', ' ').capitalize()}: {shown(scale * value, error)} {unit}{first}.")

@@ -16,7 +16,7 @@ import numpy as np
 from msgspec import Meta
 
 from ancf_casadi.decay.closed_forms import linear_decay, quadratic_decay
-from ancf_casadi.decay.rest import Rest
+from ancf_casadi.decay.rest_position import Rest
 from ancf_casadi.estimation.agreement import subset_estimates
 from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.support.arrays import Array

@@ -312,7 +312,7 @@ def test_a_record_to_which_a_law_cannot_be_fitted_decides_nothing(open_choice):
 def test_what_records_do_not_determine_has_the_name_of_reports(frequency_law, unseen, name):
     guess = first_guess(Measurement(TIME, np.exp(-0.1 * TIME) * np.cos(12.0 * TIME)), release_time=0.0)
     model = DecayModel("linear", "zero", frequency_law)
-    unknowns = [*model.shared(guess), *model.own(guess)]
+    unknowns = [*model.mode_unknowns(guess), *model.release_unknowns(guess)]
     seen = [float(unknown.name != unseen) for unknown in unknowns]
     with pytest.raises(FitError, match=f"the records do not depend on {name}; fix it"):
         check_determined(lambda *x: cs.vertcat(*x) * cs.DM(seen), unknowns, 1e-9)

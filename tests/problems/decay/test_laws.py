@@ -19,7 +19,7 @@ from problems.decay import solution
 from problems.decay.comparison import FREQUENCY_LAWS_COMPARED, LAWS_COMPARED
 from problems.decay.fitting import fit_decays
 from problems.decay.laws import DecayModel
-from problems.decay.start import span_of
+from problems.decay.starting_values import amplitude_span
 from tests.coverage import covers
 
 TIME = np.arange(0.0, 12.0, 1 / 200)
@@ -253,7 +253,7 @@ def test_a_smooth_frequency_reaches_to_half_the_smallest_visible_amplitude():
 
     def smallest(noise, time):
         measured = Measurement(time, record("linear", "linear", noise, time=time))
-        return E0 / span_of([measured], [first_guess(measured, release_time=0.0)])
+        return E0 / amplitude_span([measured], [first_guess(measured, release_time=0.0)])
 
     assert smallest(1e-5, TIME) == pytest.approx(E0 * math.exp(-0.004 * ω * TIME[-1]), rel=0.05)
     samples = 200 / F  # in a period
@@ -308,14 +308,14 @@ def test_several_records_share_the_frequency_law():
 
 @pytest.mark.slow
 def test_a_comparison_survives_a_law_that_cannot_be_fitted(monkeypatch):
-    fit_from = comparison_module.fit_from
+    fit_records = comparison_module.fit_records
 
-    def failing(guesses, records, model, **near):
+    def failing(guesses, records, model, **options):
         if model.law == "friction":
             raise FitError("no minimum was found")
-        return fit_from(guesses, records, model, **near)
+        return fit_records(guesses, records, model, **options)
 
-    monkeypatch.setattr(comparison_module, "fit_from", failing)
+    monkeypatch.setattr(comparison_module, "fit_records", failing)
     comparison = compare_decay_laws(
         TIME, record("linear", "constant", 1e-4), frequency_laws=("constant",), rests=("constant",)
     )

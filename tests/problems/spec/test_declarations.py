@@ -19,7 +19,7 @@ from problems.spec import motion, plan, record_files, records
 
 OBJECTS = [*get_args(SupportSpec), *get_args(AttachmentSpec), RayleighSpec, QuadraticSpec, FrictionSpec, ModalSpec]
 SAME: list[tuple[Any, Any, set[str]]] = [  # a declaration, what its keys are arguments of, and keys that are none
-    *((spec, spec.made, {"drag_coefficient", "air_density"} & set(spec.__struct_fields__)) for spec in OBJECTS),
+    *((spec, spec.described, {"drag_coefficient", "air_density"} & set(spec.__struct_fields__)) for spec in OBJECTS),
     (motion.SimulationSpec, simulate, set()),
     (motion.ReleaseSpec, static_equilibrium, set()),
     (motion.ResponseSpec, frequency_response, {"base_amplitudes", "tip_forces", "direction", "modes", "tolerance"}),
@@ -60,7 +60,7 @@ def test_keys_are_arguments_with_the_same_defaults(declared, function, others):
         (motion.LoadValues, SampledLoad, set()),
         (record_files.SensorSpec, Sensor, {"quantity", "signal_unit"}),
         (record_files.ChannelSpec, Channel, {"measurement"}),
-        *((spec, spec.made, {"modes"}) for spec in OBJECTS),
+        *((spec, spec.described, {"modes"}) for spec in OBJECTS),
     ],
     ids=lambda value: getattr(value, "__name__", ""),
 )

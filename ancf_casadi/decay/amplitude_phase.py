@@ -1,4 +1,4 @@
-"""Amplitude and phase of an oscillation over time, and the decay in a piece of a record, without a damping law.
+"""Amplitude and phase of an oscillation over time, and the decay in a short segment, without a damping law.
 
 Track.  The record is divided into windows of whole periods of a carrier near its frequency.  In each window,
 
@@ -6,12 +6,12 @@ Track.  The record is divided into windows of whole periods of a carrier near it
 
 is fitted by linear least squares to the samples at their own times.  |z| is the amplitude in the middle of the window,
 and omega t + arg z the phase, counted on from window to window.  A window in which missing frames increase the variance
-of z too much is left out.  The track ends where noise hides the oscillation (``evidence``).  It follows a frequency
+of z too much is left out.  The track ends where noise hides the oscillation (``bic``).  It follows a frequency
 that changes by up to 1/(2 w) of itself, with windows of w periods, over any number of periods.
 
 Losses.  With dA/dt = -(c + a A + b A^2), ln A = ln e0 - c int 1/A dt - a t - b int A dt is linear in the coefficients.
 
-Piece.  With tau from the middle of a piece, a decay and other oscillations of known frequencies are
+Segment.  With tau from the middle of a segment, a decay and other oscillations of known frequencies are
 
     y = Re((z0 + z1 tau) exp((i omega - lambda) tau)) + d + sum Re(w_j exp(i omega_j tau))
 
@@ -20,8 +20,7 @@ lambda, and -Im(z1/z0) that of the frequency omega.  Three rounds of
 
     lambda <- lambda - Re(z1/z0),    omega <- omega + Im(z1/z0)
 
-make z1 vanish.  Then |z0| is the amplitude in the middle of the piece, and lambda = -d(ln A)/dt there, whatever the
-law.
+make z1 vanish.  Then |z0| is the amplitude in the middle of the segment, and lambda = -d(ln A)/dt there, under any law.
 
 References
 ----------
@@ -37,13 +36,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ancf_casadi.decay.evidence import visible
-from ancf_casadi.decay.spectrum import LEAST_SAMPLES, typical_step
+from ancf_casadi.decay.bic import is_visible
+from ancf_casadi.decay.spectrum import MIN_WINDOW_SAMPLES, typical_step
 from ancf_casadi.support.arrays import Array, ComplexArray, Index
 
 # Halved, test_without_the_finder_the_damping_would_be_wrong fails; doubled,
 # test_a_plain_decay_with_missing_frames_is_hardly_ever_taken_for_an_excitation does.
-MOST_VARIANCE = 2.5  # of z, relative to a window without missing frames, beyond which it is left out
+MAX_VARIANCE = 2.5  # of z, relative to a window without missing frames, beyond which it is left out
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,7 +52,7 @@ class Track:
     time: Array  # mean time of the samples of each window (k,), s
     z: ComplexArray  # complex amplitude relative to the carrier (k,), in the unit of the record
     number: Index  # number of each window (k,), from 0 at the first sample; those left out are missing
-    seen: NDArray[np.bool_]  # True where noise leaves it visible (k,); it may not be before the largest one
+    is_visible: NDArray[np.bool_]  # True where it stands out of the noise (k,); may be False before the largest one
     length: float  # of a window, s
     ω: float  # frequency of the carrier, rad/s
 
@@ -68,14 +67,16 @@ class Track:
         return np.asarray(self.ω * self.time + np.unwrap(np.angle(self.z)))
 
 
-def track(time: Array, measured: Array, ω: float, *, most: int = 1000, degree: int = 0, to_end: bool = False) -> Track:
-    """Return the oscillation near a frequency about a polynomial of a degree, in up to ``most`` windows.
+def track_oscillation(
+    time: Array, measured: Array, ω: float, *, max_windows: int = 1000, degree: int = 0, to_end: bool = False
+) -> Track:
+    """Return the oscillation near a frequency (rad/s) about a polynomial of the given degree in each window.
 
-    It ends where noise hides the oscillation after its largest amplitude, or at the end of the record (``to_end``).
+    The track ends where noise hides the oscillation after its largest amplitude, or, with ``to_end``, with the record.
     """
     step = typical_step(time)
     period, count = 2 * math.pi / (ω * step), (time[-1] - time[0]) / step + 1  # both in steps
-    size = round(period * max(1, math.ceil(LEAST_SAMPLES / period), math.ceil(count / period / most)))
+    size = round(period * max(1, math.ceil(MIN_WINDOW_SAMPLES / period), math.ceil(count / period / max_windows)))
     edges = np.searchsorted(time, time[0] + step * (size * np.arange(int(count / size + 1e-9) + 1) - 0.5))
     counts, unknowns = np.diff(edges), 3 + degree
     number = np.flatnonzero(counts > unknowns)
@@ -85,52 +86,54 @@ def track(time: Array, measured: Array, ω: float, *, most: int = 1000, degree: 
     normal = np.moveaxis(np.add.reduceat(columns[:, None] * columns, edges, axis=-1)[..., number], -1, 0)
     basis, y = slice(unknowns), unknowns
     inverse = np.linalg.inv(normal[:, basis, basis] + 1e-12 * np.eye(unknowns) * counts[number, None, None])
-    found = (inverse @ normal[:, basis, y, None])[..., 0]
+    coefficients = (inverse @ normal[:, basis, y, None])[..., 0]
     variance = (inverse[:, 0, 0] + inverse[:, 1, 1]) / 2  # of z, over that of the noise; 2/size without missing frames
-    left = np.maximum(normal[:, y, y] - np.sum(found * normal[:, basis, y], axis=1), 0.0)
-    z, middle = found[:, 0] + 1j * found[:, 1], normal[:, 2, -1] / counts[number]
-    full = (variance < MOST_VARIANCE * 2 / size) & (np.abs(z) > 1e-12 * np.abs(z).max(initial=0.0))
-    number, z, middle, left, variance = (values[full] for values in (number, z, middle, left, variance))
-    end, seen = len(number), np.zeros(0, dtype=bool)
+    misfits = np.maximum(normal[:, y, y] - np.sum(coefficients * normal[:, basis, y], axis=1), 0.0)
+    z, middle = coefficients[:, 0] + 1j * coefficients[:, 1], normal[:, 2, -1] / counts[number]
+    complete = (variance < MAX_VARIANCE * 2 / size) & (np.abs(z) > 1e-12 * np.abs(z).max(initial=0.0))
+    number, z, middle, misfits, variance = (values[complete] for values in (number, z, middle, misfits, variance))
+    end, shown = len(number), np.zeros(0, dtype=bool)
     if end:
-        error = np.sqrt(variance * np.median(left / (counts[number] - unknowns)))
-        seen = visible(np.abs(z), error, counts[number])
+        error = np.sqrt(variance * np.median(misfits / (counts[number] - unknowns)))
+        shown = is_visible(np.abs(z), error, counts[number])
         if not to_end:
-            end = next((k for k in range(int(np.argmax(np.abs(z))) + 1, end) if not seen[k]), end)
-    return Track(middle[:end], z[:end], number[:end], seen[:end], size * step, ω)
+            end = next((k for k in range(int(np.argmax(np.abs(z))) + 1, end) if not shown[k]), end)
+    return Track(middle[:end], z[:end], number[:end], shown[:end], size * step, ω)
 
 
-def since_start(time: Array, rate: Array) -> Array:
+def cumulative_integral(time: Array, rate: Array) -> Array:
     """Return the integral (k,) of a rate (k,) from time 0 on, by the trapezoidal rule."""
     steps = np.diff(time) * (rate[1:] + rate[:-1]) / 2
     return np.asarray(time[0] * rate[0] + np.concatenate([[0.0], np.cumsum(steps)]))
 
 
-def regression(columns: Sequence[Array], y: Array, weight: Array) -> tuple[list[float], float]:
-    """Return the coefficients of columns that fit y best, and the sum of squares of weight times what is left."""
+def weighted_least_squares(columns: Sequence[Array], y: Array, weight: Array) -> tuple[list[float], float]:
+    """Return the coefficients of columns that fit y best, and the weighted sum of squared residuals."""
     basis = np.column_stack(columns) * weight[:, None]
     length = np.linalg.norm(basis, axis=0)
-    found = np.linalg.lstsq(basis / length, y * weight)[0] / length
-    return found.tolist(), float(np.sum((y * weight - basis @ found) ** 2))
+    coefficients = np.linalg.lstsq(basis / length, y * weight)[0] / length
+    return coefficients.tolist(), float(np.sum((y * weight - basis @ coefficients) ** 2))
 
 
-def losses_of(amplitude: Array, losses: Sequence[Array]) -> tuple[float, list[float], float]:
-    """Return ln e0 and the coefficients of losses (k,) of ln A, none of them negative, and what is left as above."""
-    chosen, coefficients = list(range(len(losses))), [0.0] * len(losses)
+def fit_loss_rates(amplitude: Array, losses: Sequence[Array]) -> tuple[float, list[float], float]:
+    """Return ln e0, non-negative coefficients of the losses (k,) of ln A, and the weighted sum of squared residuals.
+
+    Terms with a negative coefficient are dropped one by one, that with the most negative loss first.
+    """
+    active = list(range(len(losses)))
     while True:
-        columns = [np.ones(len(amplitude)), *(-losses[k] for k in chosen)]
-        (level, *found), left = regression(columns, np.log(amplitude), amplitude)
-        parts = {k: value * losses[k][-1] for k, value in zip(chosen, found, strict=True)}
-        if not parts or min(parts.values()) >= 0.0:
-            for k, value in zip(chosen, found, strict=True):
-                coefficients[k] = value
-            return level, coefficients, left
-        chosen.remove(min(parts, key=lambda k: parts[k]))
+        columns = [np.ones(len(amplitude)), *(-losses[k] for k in active)]
+        (log_start, *rates), misfit = weighted_least_squares(columns, np.log(amplitude), amplitude)
+        coefficients = dict(zip(active, rates, strict=True))
+        final_losses = {k: rate * losses[k][-1] for k, rate in coefficients.items()}
+        if min(final_losses.values(), default=0.0) >= 0.0:
+            return log_start, [coefficients.get(k, 0.0) for k in range(len(losses))], misfit
+        active.remove(min(active, key=lambda k: final_losses[k]))
 
 
 @dataclass(frozen=True)
 class LocalDecay:
-    """Decay in the middle of a piece of a record, with standard errors for white noise of standard deviation 1."""
+    """Decay in the middle of a segment, with standard errors for white noise of standard deviation 1."""
 
     λ: float  # decay rate, 1/s
     ω: float  # damped natural frequency, rad/s
@@ -141,15 +144,15 @@ class LocalDecay:
     misfit: float  # sum of the squared residuals
 
 
-def local_decay(τ: Array, y: Array, λ: float, ω: float, others: Sequence[float] = ()) -> LocalDecay | None:
-    """Return the decay in a piece of a record, from a first guess of rate and frequency; None if none is plausible."""
-    rest = np.column_stack([np.ones(len(τ)), waves(τ, others)])
+def local_decay(τ: Array, y: Array, λ: float, ω: float, other_frequencies: Sequence[float] = ()) -> LocalDecay | None:
+    """Return the decay in a segment, from a first guess of rate and frequency (rad/s); None if none is plausible."""
+    background = np.column_stack([np.ones(len(τ)), waves(τ, other_frequencies)])
     for _ in range(3):
         fading = np.exp(-λ * τ)
         cosine, sine = fading * np.cos(ω * τ), -fading * np.sin(ω * τ)
-        basis = np.column_stack([cosine, sine, τ * cosine, τ * sine, rest])
-        root = np.linalg.pinv(basis)
-        a, b, a1, b1 = root[:4] @ y
+        basis = np.column_stack([cosine, sine, τ * cosine, τ * sine, background])
+        pseudo_inverse = np.linalg.pinv(basis)
+        a, b, a1, b1 = pseudo_inverse[:4] @ y
         amplitude = math.hypot(a, b)
         if not amplitude > 0.0:
             return None
@@ -157,10 +160,11 @@ def local_decay(τ: Array, y: Array, λ: float, ω: float, others: Sequence[floa
         if not abs(correction) < ω:  # beyond is noise
             return None
         λ, ω = λ - correction.real, ω + correction.imag
-    size, rate = (a * root[0] + b * root[1]) / amplitude, (a * root[2] + b * root[3]) / amplitude**2
-    turn = (a * root[3] - b * root[2]) / amplitude**2
-    errors = [float(np.linalg.norm(row)) for row in (rate, turn, size)]
-    return LocalDecay(λ, ω, amplitude, errors[0], errors[1], errors[2], float(np.sum((y - basis @ (root @ y)) ** 2)))
+    p = pseudo_inverse[:4]  # from which the gradients of lambda, omega and amplitude with the samples follow
+    gradients = (a * p[2] + b * p[3]) / amplitude, (a * p[3] - b * p[2]) / amplitude, a * p[0] + b * p[1]
+    λ_error, ω_error, amplitude_error = (float(np.linalg.norm(gradient)) / amplitude for gradient in gradients)
+    misfit = float(np.sum((y - basis @ (pseudo_inverse @ y)) ** 2))
+    return LocalDecay(λ, ω, amplitude, λ_error, ω_error, amplitude_error, misfit)
 
 
 def waves(τ: Array, frequencies: Sequence[float]) -> Array:

@@ -107,8 +107,8 @@ class DocumentSpec(Spec, frozen=True):
     provenance: ProvenanceSpec
 
 
-def read(data: dict[str, Any]) -> DocumentSpec:
-    """Return plain data as a document; refuse another layout by its place, such as ``$.damping.laws[0].alpha``."""
+def parse_document(data: dict[str, Any]) -> DocumentSpec:
+    """Return plain data as a document; an error names the key, such as ``$.damping.laws[0].alpha``."""
     if data.get("format") != DOCUMENT_FORMAT:
         raise InputError(f"must be {DOCUMENT_FORMAT!r}: the file is not a document of this toolkit", "$.format")
     version = data.get("schema")
@@ -129,11 +129,11 @@ def schema() -> dict[str, Any]:
     >>> schema()["$schema"]
     'https://json-schema.org/draft/2020-12/schema'
     """
-    head = {
+    identifiers = {
         "$schema": "https://json-schema.org/draft/2020-12/schema",
         "$id": f"urn:{DOCUMENT_FORMAT}:document:{DOCUMENT_VERSION}",
     }
-    found = msgspec.json.schema(DocumentSpec)
-    for definition in found["$defs"].values():
+    layout = msgspec.json.schema(DocumentSpec)
+    for definition in layout["$defs"].values():
         definition["description"] = definition["description"].partition("\n")[0]
-    return head | found
+    return identifiers | layout

@@ -20,7 +20,7 @@ from ancf_casadi.support.arrays import Array
 _ALIVE: list[tuple[cs.WeakRef, cs.Callback]] = []  # Functions that call a callback, and the callbacks
 
 
-def kept(callback: cs.Callback, name: str) -> cs.Function:
+def callback_function(callback: cs.Callback, name: str) -> cs.Function:
     """Return a Function that calls a callback, and keep the callback as long as the Function lives."""
     inputs = callback.mx_in()
     names = callback.name_in(), callback.name_out()

@@ -24,9 +24,9 @@ from matplotlib.patheffects import withStroke
 from PIL import Image
 
 from ancf_casadi.animation.footage import Footage
+from ancf_casadi.beam_symbols import draw_gravity, draw_symbols
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.plot import draw_plane, line_styles
-from ancf_casadi.set_up import draw_gravity, draw_set_up
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.figures import MEASURED, literal_text
 from ancf_casadi.support.progress import count_step
@@ -191,7 +191,7 @@ def _draw_symbols(axes: Axes, one: Drawn, moves: Moves) -> None:
     """Draw supports and attachments, which move with their points, and turn with the base if they do not slide."""
     straight = one.model.straight
     turn = np.nan_to_num(np.arctan2(*one.coordinates[:, [3, 2]].T) - math.atan2(straight[3], straight[2]))
-    for part, line, style in draw_set_up(axes, one.model, straight):
+    for part, line, style in draw_symbols(axes, one.model, straight):
         _move(moves, line, 1e3 * (one.coordinates @ one.model.interpolation(part.point).T)[:, None])
         if not getattr(part, "sliding", None):
             moves.append((line, partial(_turn, line, style, turn + getattr(part, "angle", 0.0))))

@@ -35,7 +35,7 @@ from ancf_casadi.animation.footage import Footage
 from ancf_casadi.dynamics.trajectory import Motion
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.nodes import NODE
-from ancf_casadi.plot import DRAWN_SHARE, drawn_shape
+from ancf_casadi.plot import SHAPE_SHARE, scaled_shape
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.figures import COMPUTED, MEASURED, SERIES
 from ancf_casadi.support.files import filled_template
@@ -142,13 +142,13 @@ def moving_modes(
     for k in shown:
         beams = {}
         for label, one in results.items():
-            moved = one.equilibrium.coordinates + swing[:, None] * drawn_shape(one, k)
+            moved = one.equilibrium.coordinates + swing[:, None] * scaled_shape(one, k)
             tip = moved @ one.model.interpolation(one.reference_points[k]).T
             beams[label] = Drawn(one.model, moved, [np.broadcast_to(tip, (count, *tip.shape))])
         values = [float(one.frequencies[k]) for one in results.values()]
         tempo = f"\n{_tempo(count * delay * values[0])}" if len(values) == 1 and values[0] > 1e-3 else ""
         panels.append((f"mode {k + 1}: {', '.join(f'{value:.4g}' for value in values)} Hz{tempo}", beams))
-    clock = [f"exaggerated to {100 * DRAWN_SHARE:g} % of the length"] * count
+    clock = [f"exaggerated to {100 * SHAPE_SHARE:g} % of the length"] * count
     with counter("animation"):
         return encoded(pictures(Film(panels, clock)), suffix, delay)
 

@@ -177,7 +177,7 @@ def write_c(
     check_instance(functions, "functions", MotionFunctions)
     target = check_folder(folder)
     c_functions = {f"{name}_{function_name}": function for function_name, function in functions.named.items()}
-    for function in instances(also, "also", cs.Function, least=0):
+    for function in instances(also, "also", cs.Function, minimum=0):
         label = function.name()
         registered = c_functions.setdefault(f"{name}_{label}", function)
         if registered is not function or label in TABLE_NAMES or label.endswith("_raw"):

@@ -17,12 +17,12 @@ from msgspec import Struct, to_builtins
 
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.export.structs import DataFile, IdentificationSpec, ProvenanceSpec
-from ancf_casadi.support.files import MOST_LEVELS, check, place
+from ancf_casadi.support.files import MAX_LEVELS, check, place
 from ancf_casadi.support.inputs import check_instance, instances, is_sequence, shown
 from ancf_casadi.support.specs import convert
 from ancf_casadi.version import __version__
 
-MAX_RESULT_LEVELS = MOST_LEVELS - 4  # a result begins four levels deep in a document
+MAX_RESULT_LEVELS = MAX_LEVELS - 4  # a result begins four levels deep in a document
 
 
 @dataclass(frozen=True)
@@ -63,7 +63,7 @@ class Identification:
         if not isinstance(result["kind"], str) or not result["kind"]:
             raise InputError(f"must be a text, got {shown(result['kind'])}", "result.kind")
         object.__setattr__(self, "result", _plain(self.result, "result"))
-        object.__setattr__(self, "data", instances(self.data, "data", DataFile, least=0))
+        object.__setattr__(self, "data", instances(self.data, "data", DataFile, minimum=0))
         _check_serialisable(self, IdentificationSpec)
 
     @classmethod

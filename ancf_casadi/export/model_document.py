@@ -75,7 +75,7 @@ class Document:
         check_instance(self.model, "model", Model)
         check_instance(self.damping, "damping", DampingLaw, NoneType)
         check_instance(self.provenance, "provenance", Provenance)
-        identifications = instances(self.identifications, "identifications", Identification, least=0)
+        identifications = instances(self.identifications, "identifications", Identification, minimum=0)
         object.__setattr__(self, "identifications", identifications)
         _check_mesh(self.damping, self.model)
 

@@ -133,7 +133,7 @@ class Beam(Displayed):
             check_size(own or 0.0, name)
             object.__setattr__(self, name, own if any(own) else ())
         kinds = {"supports": Support, "attachments": Attachment}
-        parts = {name: instances(getattr(self, name), name, kind, least=0) for name, kind in kinds.items()}
+        parts = {name: instances(getattr(self, name), name, kind, minimum=0) for name, kind in kinds.items()}
         places = np.array([0.0, self.length, *sorted(one.point for found in parts.values() for one in found)])
         for name, found in parts.items():
             joined = (at_first(one, places, SAME_POINT * self.length) for one in found)

@@ -172,7 +172,7 @@ class ResponseCurve(Reported):
         InputError
             If a curve is over another quantity, or there is not one label for each.
         """
-        return self._drawn(others, labels, point=point)
+        return self._draw_figure(others, labels, point=point)
 
     def _place(self, motion: PeriodicMotion) -> tuple[float, float]:
         return _curve_value(motion, self.free), motion.amplitude()

@@ -226,10 +226,10 @@ class PeriodicMotion(Reported):
         InputError
             As in ``Trajectory.animate``; or if a motion is not that of a beam.
         """
-        motions = (self, *instances(others, "others", PeriodicMotion, least=0))
+        motions = (self, *instances(others, "others", PeriodicMotion, minimum=0))
         runs = [motion.trajectory(max(PERIOD_SAMPLES, 4 * motion.harmonic_count)) for motion in motions]
         options = {"slower": slower, "frame_rate": frame_rate, "beside": beside, "points": points}
-        content = runs[0]._made(MOVING, runs[1:], labels, path=check_file(path), periodic=True, **options)
+        content = runs[0]._make_drawing(MOVING, runs[1:], labels, path=check_file(path), periodic=True, **options)
         write_file(Path(path), content)
 
     def table(self) -> Table:

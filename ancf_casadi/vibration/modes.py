@@ -256,7 +256,9 @@ class Modes(Reported):
             As in ``Trajectory.animate``; or if there is no such mode.
         """
         options = {"path": check_file(path), "modes": modes, "frame_rate": frame_rate}
-        write_file(Path(path), self._made("ancf_casadi.animation.motions.moving_modes", others, labels, **options))
+        write_file(
+            Path(path), self._make_drawing("ancf_casadi.animation.motions.moving_modes", others, labels, **options)
+        )
 
     def table(self) -> Table:
         """Return the natural frequencies."""

@@ -18,7 +18,7 @@ import numpy as np
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.records.channel import unit_notes
 from ancf_casadi.records.layout import NO_LAYOUT, TableLayout
-from ancf_casadi.records.over_frequency import SpectralFunction, functions_of, read_spectral
+from ancf_casadi.records.over_frequency import SpectralFunction, extract_functions, read_spectral
 from ancf_casadi.records.units import known_unit
 from ancf_casadi.response.linear_frf import FRF_UNITS, FrfKind
 from ancf_casadi.support.arrays import Array, ComplexArray
@@ -186,7 +186,7 @@ class FrfRecord(Displayed):
             .only("--column", ["amplitude", "real", ""], column)
             .only("--phase", ["phase"], phase)
         )
-        functions = functions_of(found, phase_unit)
+        functions = extract_functions(found, phase_unit)
         if not functions:
             raise InputError("has no columns with the values of functions", str(path))
         bare = [one.channel for one in functions if not np.iscomplexobj(one.values)]

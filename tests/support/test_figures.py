@@ -8,7 +8,7 @@ import pytest
 from matplotlib.figure import Figure
 
 from ancf_casadi.estimation.figures import criteria_figure, scatter_figure
-from ancf_casadi.plot import rendered
+from ancf_casadi.plot import figure_bytes
 from ancf_casadi.records.figures import record_figure, spectra_figure
 from ancf_casadi.support.figures import literal_text, prefixed
 
@@ -37,7 +37,7 @@ def test_a_name_is_drawn_as_it_was_written(kind, drawn):
     """Halves of characters and control characters, which no font has, become a replacement character."""
     name = NAMES[kind]
     figure = DRAWN[drawn](name)
-    assert rendered(figure, ".png").startswith(b"\x89PNG")
+    assert figure_bytes(figure, ".png").startswith(b"\x89PNG")
     shown = name.replace("\udcff\x00\x1b", "\ufffd" * 3).replace("\t", " ")
     assert [label for label in labels(figure) if shown in label]
 

@@ -59,7 +59,7 @@ def test_a_path_is_a_text(use, path):
 def test_a_link_to_a_file_is_read(tmp_path):
     (tmp_path / "file").write_text("content")
     (tmp_path / "link").symlink_to("file")
-    with opened(tmp_path / "link", most=7) as file:
+    with opened(tmp_path / "link", limit=7) as file:
         assert file.read() == b"content"
 
 

@@ -19,7 +19,7 @@ from ancf_casadi import (
     equilibrium_path,
     natural_modes,
 )
-from ancf_casadi.plot import rendered
+from ancf_casadi.plot import figure_bytes
 
 # Timoshenko & Gere 1961, Theory of Elastic Stability, Table 2-4, by elliptic integrals to more digits: tip angle of a
 # cantilever under an axial force, degrees: P/Pcr, x/L, y/L.
@@ -341,7 +341,7 @@ def test_a_path_shows_as_text_plain_data_and_a_figure(snap, buckled):
     assert [one["kind"] for one in data["critical_points"]] == ["limit", "limit"]
     straight, (left, right) = buckled
     figure = left.figure(right, straight, labels=["left", "right", "straight"])
-    assert rendered(figure)[:4] == b"\x89PNG"
+    assert figure_bytes(figure)[:4] == b"\x89PNG"
     (axes,) = figure.axes
     assert axes.get_xlabel() == "y displacement of the point at 1 m, mm"
 

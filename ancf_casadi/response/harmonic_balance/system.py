@@ -296,7 +296,7 @@ class SecondOrderSystem(Displayed):
         n = q.numel()
         no_force = cs.SX.zeros(n)
         p = cs.SX(0, 1) if p is None else p
-        parameters = instances(parameters, "parameters", Parameter, least=0)
+        parameters = instances(parameters, "parameters", Parameter, minimum=0)
         if p.numel() != len(parameters):
             raise InputError(f"has {len(parameters)} entries for {p.numel()} symbols", "parameters")
         damping, excitation = (no_force if force is None else force for force in (damping, excitation))

@@ -41,7 +41,7 @@ from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.records.channel import Recording, unit_notes
 from ancf_casadi.records.layout import NO_LAYOUT, TableLayout
-from ancf_casadi.records.over_frequency import functions_of, read_spectral, sine_amplitudes
+from ancf_casadi.records.over_frequency import extract_functions, read_spectral, sine_amplitudes
 from ancf_casadi.records.sensor import Sensor
 from ancf_casadi.records.units import known_unit
 from ancf_casadi.response.harmonic_balance.system import beam_drive
@@ -233,7 +233,7 @@ class ResponseRecord(Displayed):
         told = told_levels(found)
         if told is not None:
             found = found.only("--level", ["level"], told.number)
-        function = only_function(functions_of(found, phase_unit), found.path)
+        function = only_function(extract_functions(found, phase_unit), found.path)
         with located(f"{found.path}: column {function.channel.label}"):
             factor, read_by = reading_of(function.channel, own_unit, sensor, for_beam=excitation_unit is None)
         values = factor * function.values

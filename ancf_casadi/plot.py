@@ -27,7 +27,7 @@ from ancf_casadi.mechanics.beam import Beam
 from ancf_casadi.mechanics.lumped import PROPERTIES
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.support.arrays import Array
-from ancf_casadi.support.figures import COMPUTED, MEASURED, SERIES, literal_text, prefixed
+from ancf_casadi.support.figures import COMPUTED, MEASURED, SERIES, literal_text, si_prefix
 from ancf_casadi.vibration.equilibrium import Equilibrium
 from ancf_casadi.vibration.modes import Modes
 from ancf_casadi.vibration.paths import EquilibriumPath
@@ -102,7 +102,7 @@ def decay_modes_figure(
         spectrum_axes.axvline(mode_frequency, ls=":", lw=0.8, color=MEASURED)
     spectrum_axes.set(xlabel="frequency, Hz", ylabel="spectrum", yticks=[])
     spectrum_axes.legend(frameon=False, fontsize="small")
-    size, name = prefixed(float(np.abs(measured).max()), unit)
+    size, name = si_prefix(float(np.abs(measured).max()), unit)
     for (label, amplitude), (tint, *_) in zip(amplitudes.items(), itertools.cycle(SERIES)):
         amplitude_axes.semilogy(time, amplitude / size, color=tint, label=label)
     amplitude_axes.set(xlabel="time, s", ylabel=f"amplitude of each mode, {name}" if name else "amplitude of each mode")
@@ -123,7 +123,7 @@ def _draw_fit(
     fitted = curve(time)
     turns = np.flatnonzero(np.diff(np.sign(fitted - np.median(fitted))))
     is_long = len(turns) > 2 * 40  # half periods; fewer are drawn in full
-    size, name = prefixed(float(np.abs(measured).max()), unit)
+    size, name = si_prefix(float(np.abs(measured).max()), unit)
     plots = figure.subplots(1, 2, width_ratios=(3, 2), sharey=True) if is_long else [figure.subplots()]
     if is_long:
         columns = min(PLOT_COLUMNS, len(turns) // 2)  # a period or more in each
@@ -156,7 +156,7 @@ def _extremes(time: Array, values: Array, columns: int) -> tuple[Array, Array, A
 
 def _draw_residuals(axes: Axes, time: Array, residuals: Array, unit: str) -> None:
     """Draw residuals over time; if there are many samples, their extremes."""
-    size, name = prefixed(float(np.abs(residuals).max()), unit)
+    size, name = si_prefix(float(np.abs(residuals).max()), unit)
     if len(time) > 2 * PLOT_COLUMNS:
         axes.fill_between(*_extremes(time, residuals / size, PLOT_COLUMNS), color=MEASURED, lw=0)
     else:

@@ -38,7 +38,7 @@ from ancf_casadi.mechanics.nodes import NODE
 from ancf_casadi.plot import SHAPE_SHARE, scaled_shape
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.figures import COMPUTED, MEASURED, SERIES
-from ancf_casadi.support.files import filled_template
+from ancf_casadi.support.files import fill_template
 from ancf_casadi.support.inputs import (
     array,
     check_instance,
@@ -255,7 +255,7 @@ def _page(first: Image.Image, others: Iterator[Image.Image], delay: float) -> by
         texts.append(base64.b64encode(out.getvalue()).decode())
     given = {"width": first.width, "last": len(texts) - 1, "delay": round(1e3 * delay), "kind": f"image/{kind.lower()}"}
     pictures = ",".join(f'"{text}"' for text in texts)
-    return filled_template("ancf_casadi.animation", "player.html.jinja", given | {"pictures": pictures}).encode()
+    return fill_template("ancf_casadi.animation", "player.html.jinja", given | {"pictures": pictures}).encode()
 
 
 def _ffmpeg() -> str:

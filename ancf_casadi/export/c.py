@@ -29,7 +29,7 @@ from ancf_casadi.export.solved_functions import GAMMA
 from ancf_casadi.mechanics.nodes import NODE
 from ancf_casadi.reduction.stepping import STEPS_PER_PERIOD
 from ancf_casadi.support.arrays import Array
-from ancf_casadi.support.files import check_folder, check_ours, filled_template, write_files
+from ancf_casadi.support.files import check_folder, check_ours, fill_template, write_files
 from ancf_casadi.support.inputs import check_instance, instances, matches, shown
 
 TABLE_NAMES = ("parameters", "rest")
@@ -194,7 +194,7 @@ def write_c(
     }  # fmt: skip
     templates = {f"{name}.c": "beam.c.jinja", f"{name}.h": "beam.h.jinja", "main.c": "main.c.jinja"}
     contents = {
-        target / file_name: filled_template("ancf_casadi.export", template, template_values)
+        target / file_name: fill_template("ancf_casadi.export", template, template_values)
         for file_name, template in templates.items()
     }
     for path in contents:

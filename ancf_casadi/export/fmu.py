@@ -54,7 +54,7 @@ from ancf_casadi.reduction.reduced import ReducedFunctions
 from ancf_casadi.support.compilation import LIBRARY, c_compiler, compiler_failure
 from ancf_casadi.support.files import check_file, write_file
 from ancf_casadi.support.inputs import check_instance, choice
-from ancf_casadi.support.optional import installed
+from ancf_casadi.support.optional import find_module
 from ancf_casadi.support.tables import to_json
 from ancf_casadi.version import __version__
 
@@ -168,7 +168,7 @@ def write_fmu(
 
 def _fmi_headers() -> Path:
     """Return the folder of the FMI 3.0 headers, which the package fmpy contains."""
-    folder = Path(str(installed("fmpy", "an FMU needs its FMI headers").origin)).parent / "c-code"
+    folder = Path(str(find_module("fmpy", "an FMU needs its FMI headers").origin)).parent / "c-code"
     if not (folder / "fmi3Functions.h").is_file():
         raise InputError(f"has no FMI 3.0 headers: {folder} lacks fmi3Functions.h; install another version", "fmpy")
     return folder

@@ -29,7 +29,7 @@ from ancf_casadi.export.structs import (
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.mechanics.spec import BeamSpec, StrainMeasuresSpec, model_from
 from ancf_casadi.support.files import check_file, place, read_json, write_file
-from ancf_casadi.support.inputs import check_instance, instances, located
+from ancf_casadi.support.inputs import check_instance, error_prefix, instances
 from ancf_casadi.support.specs import convert
 from ancf_casadi.support.tables import to_json
 
@@ -138,16 +138,16 @@ def read_document(path: str | Path) -> Document:
     (True, RayleighDamping(alpha=0.2))
     """
     data = read_json(path)
-    with located(str(path)):
+    with error_prefix(str(path)):
         layout = parse_document(data)
         model = model_from(layout.beam, layout.strain_measures, "$")
         law = None if layout.damping is None else layout.damping.law(model, "$.damping")
         identifications = []
         for k, item in enumerate(layout.identifications):
-            with located(place("$.identifications", k)):
+            with error_prefix(place("$.identifications", k)):
                 identifications.append(Identification(item.result, item.data))
-        with located("$.provenance"):
-            provenance = Provenance(**layout.provenance.given())
+        with error_prefix("$.provenance"):
+            provenance = Provenance(**layout.provenance.set_fields())
         return Document(model, law, identifications, provenance)
 
 

@@ -50,7 +50,7 @@ from ancf_casadi.export.solved_functions import equilibrium_function, free_block
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.mechanics.nodes import NODE
 from ancf_casadi.reduction.reduced import ReducedFunctions
-from ancf_casadi.support.files import check_file, check_ours, opened, write_file
+from ancf_casadi.support.files import check_file, check_ours, open_file, write_file
 from ancf_casadi.support.inputs import check_instance, numbers, whole
 from ancf_casadi.vibration.modes import natural_modes
 from ancf_casadi.vibration.statics import static_equilibrium
@@ -306,7 +306,7 @@ def load_functions(path: str | Path) -> BeamFunctions | ReducedFunctions:
     ['q', 'v', 'base', 'p']
     """
     where = str(path)
-    with opened(path) as file:
+    with open_file(path) as file:
         content = file.read()
     try:
         header_line, _, serialized = content.decode().partition("\n")

@@ -22,7 +22,7 @@ from msgspec import Meta, Struct
 from ancf_casadi.damping.spec import LawSpec
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.spec import BeamSpec, StrainMeasuresSpec
-from ancf_casadi.support.files import check, opened
+from ancf_casadi.support.files import check, open_file
 from ancf_casadi.support.inputs import shown
 from ancf_casadi.support.specs import Spec, convert
 
@@ -73,7 +73,7 @@ class DataFile(Struct, frozen=True, forbid_unknown_fields=True):
     def of(cls, path: str | Path) -> DataFile:
         """Return name and hash of a file; one that cannot be read raises an ``InputError``."""
         digest = hashlib.sha256()
-        with opened(path) as file:
+        with open_file(path) as file:
             while chunk := file.read(2**20):  # bytes
                 digest.update(chunk)
         name = os.fsencode(Path(path).name).decode(errors="replace")

@@ -27,7 +27,7 @@ from ancf_casadi.records.sensor import Sensor, assign_sensor
 from ancf_casadi.records.units import known_unit
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.figures import Figure
-from ancf_casadi.support.inputs import LARGEST_TIME, array, check_instance, located, number, physical, whole
+from ancf_casadi.support.inputs import LARGEST_TIME, array, check_instance, error_prefix, number, physical, whole
 from ancf_casadi.support.tables import Displayed, counted, spread
 
 MIN_DECIMATED_SAMPLES = 30  # new samples of a record that can be decimated: the length of the filter
@@ -169,7 +169,7 @@ class Measurement(Displayed):
         check_instance(sensor, "sensor", Sensor, NoneType)
         stated_unit = None if unit is None else known_unit(unit, "unit")
         channel = recording.channel(column)
-        with located(f"{recording.path}: column {channel.label}"):
+        with error_prefix(f"{recording.path}: column {channel.label}"):
             if channel.time is None:
                 raise InputError("has no times; give the sampling rate with --sample-rate")
             scale, measured = assign_sensor(channel, stated_unit, sensor)
@@ -303,7 +303,7 @@ class Measurement(Displayed):
 
     def _step(self) -> float:
         """Return the time between samples, s; refuse uneven ones."""
-        with located(self.name or "record"):
+        with error_prefix(self.name or "record"):
             return sampling_step(self.time)
 
     def _with(self, time: Array, values: Array) -> Measurement:

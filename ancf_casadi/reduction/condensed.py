@@ -49,7 +49,7 @@ from ancf_casadi.reduction.forces import (
     rows_of,
 )
 from ancf_casadi.support.arrays import Array, Index
-from ancf_casadi.support.banded import factorised, sparse
+from ancf_casadi.support.banded import factorise, sparse
 from ancf_casadi.vibration.modes import Modes
 
 MOST_CONDENSED_MODES = 12  # the number of terms of the strain energy grows with the fourth power
@@ -97,7 +97,7 @@ def _followed(modes: Modes, pairs: Index) -> Array:
     second = cs.Function("second", [e, i, j], [cs.jtimes(once, e, j)])
     force = model.of_free(np.hstack([second(rest.coordinates, *shapes[:, pair].T).full() for pair in pairs]))
     _, stiffness, mass = rest.structure.linearisation(rest.exact)
-    moved, kept = -factorised(stiffness).solve(force), model.of_free(shapes)
+    moved, kept = -factorise(stiffness).solve(force), model.of_free(shapes)
     return np.asarray(model.moved(moved - kept @ (kept.T @ (sparse(mass) @ moved))))
 
 

@@ -40,7 +40,7 @@ def lapack_storage(values: NDArray[Any], width: int) -> NDArray[Any]:
     return values.reshape(-1, 3 * width + 1).T
 
 
-def factorised(banded: Array) -> BandedFactors:
+def factorise(banded: Array) -> BandedFactors:
     """Return the factors of a matrix stored by diagonals, (2 w + 1, N); a singular one raises ``LinAlgError``."""
     width, size = len(banded) // 2, banded.shape[1]
     storage = np.zeros((3 * width + 1, size), order="F")
@@ -89,7 +89,7 @@ class BandedFactors:
             solution -= self.correction.dot(self.rows.dot(solution))
         return solution
 
-    def solve_transposed(self, right: NDArray[Any]) -> NDArray[Any]:
+    def solve_transpose(self, right: NDArray[Any]) -> NDArray[Any]:
         """Return the solutions with the transposed matrix."""
         if self.rows.size:
             right = right - self.rows.T @ (self.correction.T @ right)

@@ -2,7 +2,7 @@
 
 Records are black, results computed from them green; both keep their contrast in grey.  The colours of ``SERIES`` are
 distinct for the colour-blind (M. Okabe, K. Ito, 2008), on light and on dark pages; in grey, dashes and markers
-distinguish them.  ``prefixed`` chooses the unit of an axis.
+distinguish them.  ``si_prefix`` chooses the unit of an axis.
 
 Matplotlib reads text between two $ as a formula, and fails if the formula is invalid.  Names of columns and files, and
 titles, are no formulas; ``literal_text`` shows them literally.
@@ -41,7 +41,7 @@ P = ParamSpec("P")
 Drawn = TypeVar("Drawn", bound="Figure | SubFigure")
 
 
-def prefixed(largest: float, unit: str) -> tuple[float, str]:
+def si_prefix(largest: float, unit: str) -> tuple[float, str]:
     """Return size and name of a unit with the SI prefix for which the largest value is between 1 and 1000."""
     if not (math.isfinite(largest) and largest > 0.0):
         return 1.0, unit

@@ -31,7 +31,7 @@ from pathlib import Path
 from typing import Any, NoReturn
 
 from ancf_casadi.exceptions import InputError
-from ancf_casadi.support.inputs import check_instance, located, shown
+from ancf_casadi.support.inputs import check_instance, error_prefix, shown
 from ancf_casadi.support.interrupts import delayed_interrupts
 
 MAX_BYTES = 64 * 2**20  # of a file that is read as a whole
@@ -73,7 +73,7 @@ def check_ours(path: Path, start: str) -> None:
     if not path.exists():
         return
     try:
-        with opened(path) as file:
+        with open_file(path) as file:
             is_ours = file.read(len(start)) == start.encode()
     except InputError:
         is_ours = False
@@ -147,12 +147,12 @@ def read_toml(path: str | Path) -> dict[str, Any]:
 
 def read_bytes(path: str | Path) -> bytes:
     """Read a file of at most 64 MiB that is not empty."""
-    with opened(path, MAX_BYTES) as file:
+    with open_file(path, MAX_BYTES) as file:
         return file.read(MAX_BYTES)
 
 
 @contextlib.contextmanager
-def opened(path: str | Path, limit: float = math.inf) -> Iterator[BufferedReader]:
+def open_file(path: str | Path, limit: float = math.inf) -> Iterator[BufferedReader]:
     """Open a regular file of 1 to ``limit`` bytes; reading a pipe or device might never end."""
     check_path(path, "path")
     try:
@@ -184,7 +184,7 @@ def read_json(path: str | Path) -> dict[str, Any]:
         raise InputError(f"is not JSON ({error})", str(path)) from None
     if not isinstance(value, dict):
         raise InputError("must hold a JSON object", str(path))
-    with located(str(path)):
+    with error_prefix(str(path)):
         check(value, "$")
     return value
 
@@ -194,7 +194,7 @@ def template_text(package: str, name: str) -> str:
     return files(package).joinpath(name).read_text(encoding="utf-8")
 
 
-def filled_template(package: str, name: str, values: Mapping[str, Any]) -> str:
+def fill_template(package: str, name: str, values: Mapping[str, Any]) -> str:
     """Fill a template with values and functions by name; a missing value is an error."""
     from jinja2 import Environment, StrictUndefined  # slow to import
 

@@ -53,7 +53,7 @@ CLASS_NAMES = {
 
 
 @contextlib.contextmanager
-def located(where: str) -> Iterator[None]:
+def error_prefix(where: str) -> Iterator[None]:
     """Prefix the message of an ``InputError`` with a place, such as a file, a table or an option."""
     try:
         yield
@@ -61,7 +61,7 @@ def located(where: str) -> Iterator[None]:
         raise InputError(str(error), where) from None
 
 
-def keep_checked(owner: Any, **checks: Callable[[Any, str], Any]) -> None:
+def check_fields(owner: Any, **checks: Callable[[Any, str], Any]) -> None:
     """Check fields of a frozen dataclass, and replace them by the results of their checks."""
     for name, check in checks.items():
         object.__setattr__(owner, name, check(getattr(owner, name), name))
@@ -111,12 +111,12 @@ def choices(values: Any, options: Sequence[str], where: str) -> tuple[str, ...]:
 
 def choice(value: Any, options: Sequence[str], where: str) -> str:
     """Return a name, which must be one of the options."""
-    if not is_one_of(value, options):
+    if not is_choice(value, options):
         raise InputError(f"must be one of {', '.join(options)}, got {shown(value)}", where)
     return str(value)
 
 
-def is_one_of(value: Any, options: Sequence[str]) -> bool:
+def is_choice(value: Any, options: Sequence[str]) -> bool:
     """Return whether a value is one of the options."""
     return isinstance(value, str) and value in options
 
@@ -185,14 +185,14 @@ def check_size(values: ArrayLike, where: str) -> None:
         physical(largest, where)
 
 
-def sized(value: Any, where: str) -> float:
+def limited_number(value: Any, where: str) -> float:
     """Return a finite number whose powers are finite."""
     result = number(value, where)
     check_size(result, where)
     return result
 
 
-def sized_vector(value: Any, where: str) -> tuple[float, float]:
+def limited_vector(value: Any, where: str) -> tuple[float, float]:
     """Return a pair of finite numbers whose powers are finite."""
     result = vector(value, where)
     check_size(result, where)

@@ -11,7 +11,7 @@ from ancf_casadi.exceptions import InputError
 
 def library(module: str, need: str, package: str = "", name: str = "") -> Any:
     """Import a module; an error names it, or a module that it imports, if that is not installed."""
-    installed(module, need, package, name)
+    find_module(module, need, package, name)
     try:
         return importlib.import_module(module)
     except ModuleNotFoundError as error:
@@ -20,7 +20,7 @@ def library(module: str, need: str, package: str = "", name: str = "") -> Any:
         ) from None
 
 
-def installed(module: str, need: str, package: str = "", name: str = "") -> ModuleSpec:
+def find_module(module: str, need: str, package: str = "", name: str = "") -> ModuleSpec:
     """Return the specification of a module, which ``pip install package`` installs.
 
     If it is missing, the error names the module by ``name``; ``need`` completes "is not installed, but".

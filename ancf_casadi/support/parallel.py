@@ -147,7 +147,7 @@ def processes(jobs: int) -> Iterator[Executor]:
 
 
 @contextlib.contextmanager
-def unbroken() -> Iterator[None]:
+def executor_errors() -> Iterator[None]:
     """Raise a ``NumericsError`` if a process of an executor ends before its task is done."""
     try:
         yield
@@ -188,7 +188,7 @@ def _completed_tasks(
         for k in order:
             yield k, tasks[k]()
         return
-    with unbroken():
+    with executor_errors():
         futures = {executor.submit(tasks[k]): k for k in order}
         try:
             for future in as_completed(list(futures)):

@@ -26,7 +26,7 @@ from msgspec import inspect as types
 from msgspec.structs import asdict
 
 from ancf_casadi.exceptions import InputError
-from ancf_casadi.support.inputs import check_keys, located, shown
+from ancf_casadi.support.inputs import check_keys, error_prefix, shown
 
 SpecType = TypeVar("SpecType")
 
@@ -43,7 +43,7 @@ NOUNS = {"float": "a number", "int": "a whole number", "str": "a text", "bool": 
 class Spec(Struct, frozen=True, forbid_unknown_fields=True):
     """A table whose only keys are its fields."""
 
-    def given(self) -> dict[str, Any]:
+    def set_fields(self) -> dict[str, Any]:
         """Return the fields that are set."""
         return {name: value for name, value in asdict(self).items() if value is not UNSET}
 
@@ -55,9 +55,9 @@ def convert(source: Any, kind: Any, where: str = "") -> Any: ...
 def convert(source: Any, kind: Any, where: str = "") -> Any:
     """Convert plain data, or the attributes of an object, to a type; an error names the place."""
     if is_dataclass(kind) and isinstance(source, Mapping):
-        check_keys(source, set(), keys_of(kind), where)  # a Struct refuses unknown keys by itself
+        check_keys(source, set(), table_keys(kind), where)  # a Struct refuses unknown keys by itself
     try:
-        with located(where):
+        with error_prefix(where):
             return msgspec.convert(source, kind, from_attributes=True)
     except msgspec.ValidationError as error:
         reason, _, path = str(error).partition(" - at ")
@@ -70,10 +70,10 @@ def convert(source: Any, kind: Any, where: str = "") -> Any:
             value = _item(value, step)
             declared = _declaration(declared, step, value)
         message = "has a key that is no text" if path.startswith("`key`") else _plain_reason(reason, value, declared)
-        raise InputError(message, place_of(where, steps)) from None
+        raise InputError(message, value_place(where, steps)) from None
 
 
-def keys_of(kind: Any) -> set[str]:
+def table_keys(kind: Any) -> set[str]:
     """Return the keys of a table that a class declares."""
     return {field.encode_name for field in listed_fields(kind)}
 
@@ -86,7 +86,7 @@ def listed_fields(kind: type) -> tuple[types.Field, ...]:
     return tuple(field for field in info.fields if getattr(field.type, "extra", None) != UNLISTED.extra)
 
 
-def place_of(where: str, steps: Sequence[str | int]) -> str:
+def value_place(where: str, steps: Sequence[str | int]) -> str:
     """Return the place of a value: a path in a document, ``$.laws[0]``, or else names and numbers from 1."""
     if where.startswith("$"):
         return where + "".join(f".{step}" if isinstance(step, str) else f"[{step}]" for step in steps)

@@ -215,7 +215,7 @@ def to_width(value: float, width: float, digits: int = 2) -> str:
     return f"{value:.{min(17, max(3, digits + math.ceil(math.log10(abs(value) / width))))}g}"
 
 
-def known(value: float) -> float | None:
+def finite_or_none(value: float) -> float | None:
     """Return a number for JSON; None if it is not finite."""
     return float(value) if math.isfinite(value) else None
 
@@ -235,7 +235,7 @@ def printable(text: str) -> str:
     return CONTROLS.sub(lambda match: ascii(match[0])[1:-1], text)
 
 
-def wrapped(text: str) -> str:
+def wrap_report(text: str) -> str:
     """Fold long lines of a report, except rows of tables, at spaces and indent them by two more columns."""
     lines: list[str] = []
     width = 0  # of the last table

@@ -28,7 +28,7 @@ from ancf_casadi.mechanics.loads import Load, PointLoad, loads_text
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.mechanics.nodes import NODE
 from ancf_casadi.support.arrays import Array
-from ancf_casadi.support.banded import factorised, sparse
+from ancf_casadi.support.banded import factorise, sparse
 from ancf_casadi.support.tables import Reported, Table, counted
 from ancf_casadi.vibration.assembly import Position, Structure, refined
 from ancf_casadi.vibration.eigensolver import is_definite, lowest_modes, shift_of
@@ -118,7 +118,7 @@ class Equilibrium(Reported):
         """True if no small disturbance grows; if forces follow the beam, as far as divergence goes."""
         _, stiffness, mass = self.structure.linearisation(self.exact)
         if any(load.follower for load in self.all_loads):
-            return factorised(stiffness).determinant[0] > 0.0
+            return factorise(stiffness).determinant[0] > 0.0
         surely = is_definite(stiffness - shift_of(self.model, stiffness, mass) * mass)
         return surely or lowest_modes(self.structure, self.exact, 1) is not None
 
@@ -170,7 +170,7 @@ def neighbour(
         if way is not None:
             force = force + structure.whole_product(at)(way)
         try:
-            step = -refined(factorised(stiffness).solve, structure.stiffness_product(at), force + support)
+            step = -refined(factorise(stiffness).solve, structure.stiffness_product(at), force + support)
         except np.linalg.LinAlgError:
             return None
         if not np.isfinite(step).all():

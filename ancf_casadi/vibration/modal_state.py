@@ -71,7 +71,7 @@ import scipy.sparse
 from ancf_casadi.exceptions import EquilibriumError
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.support.arrays import Array, Index
-from ancf_casadi.support.banded import BandedFactors, factorised, sparse
+from ancf_casadi.support.banded import BandedFactors, factorise, sparse
 from ancf_casadi.vibration.assembly import BANDWIDTH, EqualElements, Position, Structure, per_element, scatter
 from ancf_casadi.vibration.eigensolver import lowest_modes, shift_of
 from ancf_casadi.vibration.equilibrium import neighbour
@@ -91,7 +91,7 @@ def pencil_solver(pencil: Array, diagonal: Array, phi: Array) -> Callable[[Array
     banded[rows == held] = 0.0
     banded[:, held] = 0.0
     banded[BANDWIDTH, held] = 1.0
-    factors = factorised(banded)
+    factors = factorise(banded)
 
     def solve(right: Array) -> Array:
         right = np.multiply(scale[:, None], right, order="F")
@@ -141,7 +141,7 @@ class ModalState:
         """Factors of the stiffness K of the free coordinates, shifted as for the modes if the beam is not held."""
         stiffness, mass = self._matrices
         shift = 0.0 if self.model.is_held else shift_of(self.model, stiffness, mass)
-        return factorised(stiffness + shift * mass if shift else stiffness)
+        return factorise(stiffness + shift * mass if shift else stiffness)
 
     @cached_property
     def pencil_solvers(self) -> list[Callable[[Array], Array]]:

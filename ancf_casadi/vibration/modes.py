@@ -32,7 +32,7 @@ from ancf_casadi.mechanics.model import Model
 from ancf_casadi.mechanics.nodes import NODE
 from ancf_casadi.mechanics.state import State
 from ancf_casadi.support.arrays import Array
-from ancf_casadi.support.banded import factorised
+from ancf_casadi.support.banded import factorise
 from ancf_casadi.support.files import check_file, write_file
 from ancf_casadi.support.inputs import array, check_instance, number, numbers, whole
 from ancf_casadi.support.interrupts import lasting_interrupts
@@ -209,7 +209,7 @@ class Modes(Reported):
         for _ in range(12):
             balance, stiffness, _ = structure.linearisation(Position.of(at))
             try:
-                solutions = factorised(stiffness).solve(np.column_stack([balance, held]))
+                solutions = factorise(stiffness).solve(np.column_stack([balance, held]))
                 missing = modal - held.T @ (model.of_free(at - rest) - solutions[:, 0])
                 change = model.moved(
                     solutions[:, 1:] @ np.linalg.solve(held.T @ solutions[:, 1:], missing) - solutions[:, 0]

@@ -18,7 +18,7 @@ from ancf_casadi.decay.rest import Rest
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.support.files import check_file
-from ancf_casadi.support.inputs import located
+from ancf_casadi.support.inputs import error_prefix
 from problems.command.output import (
     Output,
     add_options,
@@ -88,7 +88,7 @@ def run_fit_decay(options: argparse.Namespace) -> Output:
     isolated: list[IsolatedMode] = []
     if options.band is not None:
         for path, record, time in zip(options.files, records, times, strict=True):
-            with located(path):
+            with error_prefix(path):
                 isolated.append(isolate_mode(record, options.band, release_time=time))
         records, times = [mode.record for mode in isolated], [mode.mode.release_time for mode in isolated]
     return _fitted(options, records, times, isolated)
@@ -101,7 +101,7 @@ def _check_outputs(options: argparse.Namespace, count: int) -> None:
 
 def _modes(options: argparse.Namespace, file: str, record: Measurement, release: float | None) -> Output:
     """Fit several modes to the record of a file."""
-    with located(file):
+    with error_prefix(file):
         fits = fit_modes(record, modes=options.modes or None, release_time=release)
     return result_output(fits, options.plot)
 
@@ -153,7 +153,7 @@ def _fitted(
 ) -> Output:
     laws = {"law": options.law, "frequency_law": options.frequency_law, "rest": options.rest}
     extra: dict[str, Any] = {}
-    with located(", ".join(options.files)):
+    with error_prefix(", ".join(options.files)):
         if _automatic(options):
             comparison = compare_decay_laws(records[0], release_time=times[0], **compared(**laws))
             fits, text = [comparison.best], comparison.report()

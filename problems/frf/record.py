@@ -22,7 +22,16 @@ from ancf_casadi.records.over_frequency import SpectralFunction, extract_functio
 from ancf_casadi.records.units import known_unit
 from ancf_casadi.response.linear_frf import FRF_UNITS, FrfKind
 from ancf_casadi.support.arrays import Array, ComplexArray
-from ancf_casadi.support.inputs import array, check_instance, choice, complex_array, instances, located, numbers, shown
+from ancf_casadi.support.inputs import (
+    array,
+    check_instance,
+    choice,
+    complex_array,
+    error_prefix,
+    instances,
+    numbers,
+    shown,
+)
 from ancf_casadi.support.tables import Displayed, counted, spread
 
 LEAST_LINES = 8
@@ -209,7 +218,7 @@ class FrfRecord(Displayed):
         kept = np.isfinite(f) & np.isfinite(values).all(axis=0) & (f != 0.0)
         if not kept.all():
             notes.append(f"{int((~kept).sum())} lines at 0 Hz or with a gap are left out")
-        with located(str(path)):
+        with error_prefix(str(path)):
             return cls(
                 f[kept],
                 values[order][:, kept].reshape(*shape, -1),

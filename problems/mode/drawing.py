@@ -16,7 +16,7 @@ from matplotlib.figure import Figure
 from ancf_casadi.decay.envelope import draw_against_amplitude
 from ancf_casadi.estimation.prediction import TIME_AXIS
 from ancf_casadi.support.arrays import Array
-from ancf_casadi.support.figures import COMPUTED, MEASURED, literal_text, prefixed
+from ancf_casadi.support.figures import COMPUTED, MEASURED, literal_text, si_prefix
 from problems.beam.curves.record import ResponseRecord
 from problems.mode.oscillator import motion_amplitudes, motions_at, response_curve
 from problems.mode.result import ModeFit
@@ -42,7 +42,7 @@ def mode_figure(fits: Mapping[str, ModeFit]) -> Figure:
     plots = parts[0].subplots(1, len(upper), squeeze=False).ravel()
     for axes, name in zip(plots, upper, strict=True):
         if name == "decay":
-            scale, unit = prefixed(max(float(np.abs(one.measured).max()) for one in decays), decays[0].unit)
+            scale, unit = si_prefix(max(float(np.abs(one.measured).max()) for one in decays), decays[0].unit)
             for one in decays:
                 axes.plot(one.places, one.measured.real / scale, ".", ms=1.5, color=MEASURED)
                 axes.plot(one.places, one.predicted.real / scale, lw=0.5, color=COMPUTED)
@@ -58,11 +58,11 @@ def _draw_curves(axes: Axes, fit: ModeFit, pairs: list[tuple[ResponseRecord, str
     first = pairs[0][0]
     units = {"amplitude": first.sensor.unit, "phase": "rad", "level": first.excitation_unit}
     largest = max(float(_measured(one, name).max()) for one, _ in pairs)
-    scale, unit = (1.0, "rad") if name == "phase" else prefixed(largest, units[name])
+    scale, unit = (1.0, "rad") if name == "phase" else si_prefix(largest, units[name])
     for k, (record, constant) in enumerate(pairs):
         colour = f"C{k % 10}"
         held_unit = record.sensor.unit if record.control == "response" else record.excitation_unit
-        size, symbol = prefixed(float(np.median(_held(record))), held_unit)
+        size, symbol = si_prefix(float(np.median(_held(record))), held_unit)
         held = f"{np.median(_held(record)) / size:.3g} {symbol}".rstrip()
         axes.plot(record.f, _measured(record, name) / scale, ".", ms=4, color=colour, label=held)
         _draw_branches(axes, fit, record, constant, name, scale, colour)

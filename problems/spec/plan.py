@@ -14,7 +14,7 @@ from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.mechanics.spec import ConfigurationSpec
 from ancf_casadi.records.sensor import Sensor
-from ancf_casadi.support.inputs import located, shown
+from ancf_casadi.support.inputs import error_prefix, shown
 from ancf_casadi.support.specs import Pair, Positive, Spec, convert
 from problems.planning.comparison import PlannedComparison, plan_comparison
 from problems.planning.experiments import plan
@@ -124,7 +124,7 @@ class PlanTables(StepTables):
             tables[name] = _candidate(file, candidate, beam.model, f"{where}: {name}")
         sources = [source for deferred in tables.values() for source in deferred.sources]
         fit = convert(file.tables.get("fit", {}), FitSpec, file.where("fit"))
-        settings = {key: value for key, value in fit.given().items() if key in ("unknowns", "fixed", "priors")}
+        settings = {key: value for key, value in fit.set_fields().items() if key in ("unknowns", "fixed", "priors")}
         table = convert(file.tables.get("plan", {}), PlanSpec, file.where("plan"))
         return cls(file, beam, sources, law_terms(file, fit, beam), tables, settings, table)
 
@@ -136,19 +136,19 @@ class PlanTables(StepTables):
     def planned(self) -> Plan:
         """Return the plan."""
         candidates = self.candidates
-        with located(self.file.where("fit")):
+        with error_prefix(self.file.where("fit")):
             return plan(self.model, candidates, self.damping, **self.settings)
 
     def compared(self) -> PlannedComparison:
         """Return the probabilities that the candidates tell the laws apart."""
         candidates, laws = self.candidates, sums_of_laws(self.beam, self.law_terms)
-        with located(self.file.where("fit")):
+        with error_prefix(self.file.where("fit")):
             return plan_comparison(self.model, candidates, laws, **self.settings)
 
     def chosen(self, planned: Plan) -> dict[str, Any]:
         """Return goal and budget, the best list with its standard errors, and the best shares, for JSON."""
         table = self.table
-        with located(self.file.where("plan")):
+        with error_prefix(self.file.where("plan")):
             best = planned.best(table.budget, table.goal, table.most_each)
             shares = planned.shares(table.budget, table.goal)
         errors = {"standard_errors": planned.errors_of(best), "shares": shares}
@@ -173,13 +173,13 @@ def _motion(file: StudyFile, table: Any, model: Model, where: str) -> Deferred:
     )
     other_model = configuration.other_model(model, where)
     sensors, std = _sensors(channels)
-    excited = convert_motion(file, motion.given(), where)
+    excited = convert_motion(file, motion.set_fields(), where)
 
     def record() -> PlannedRecord:
         arguments = excited.make(other_model or model)
         for name in ("duration", "sample_rate", "release_time", "offset", "zero"):
             arguments[name] = getattr(motion, name)
-        with located(where):
+        with error_prefix(where):
             return PlannedRecord.motion(sensors, std=std, model=other_model, cost=candidate.cost, **arguments)
 
     return Deferred(record, excited.sources)
@@ -191,7 +191,7 @@ def _static(file: StudyFile, table: Any, model: Model, where: str) -> Deferred:
     )
     sensors, std = _sensors(channels)
     beam = configuration.other_model(model, where) or model
-    with located(where):
+    with error_prefix(where):
         loads = load_cases(static.loads)
         record = PlannedRecord.static(beam, loads, sensors, std=std, tared=static.tared, cost=candidate.cost)
     return Deferred(lambda: record)
@@ -202,7 +202,7 @@ def _frequencies(file: StudyFile, table: Any, model: Model, where: str) -> Defer
         table, where, CandidateSpec, ConfigurationSpec, PlannedFrequenciesSpec
     )
     beam = configuration.other_model(model, where) or model
-    with located(where):
+    with error_prefix(where):
         record = PlannedRecord.natural_frequencies(beam, planned.modes, std=planned.std, cost=candidate.cost)
     return Deferred(lambda: record)
 
@@ -211,9 +211,9 @@ def _curve(file: StudyFile, table: Any, model: Model, where: str) -> Deferred:
     candidate, configuration, curve, sensor = convert_groups(
         table, where, CandidateSpec, ConfigurationSpec, PlannedCurveSpec, SensorSpec
     )
-    arguments = curve.given() | excitation(file, curve, where)
+    arguments = curve.set_fields() | excitation(file, curve, where)
     arguments |= {"model": configuration.other_model(model, where), "sensor": sensor.make("displacement", where)}
-    with located(where):
+    with error_prefix(where):
         record = PlannedRecord.response(cost=candidate.cost, **arguments)
     return Deferred(lambda: record)
 

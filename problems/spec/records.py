@@ -26,8 +26,8 @@ from ancf_casadi.mechanics.loads import PointLoad
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.mechanics.spec import ConfigurationSpec
 from ancf_casadi.records.layout import LAYOUT_KEYS, TableLayout
-from ancf_casadi.support.inputs import located, whole
-from ancf_casadi.support.specs import Pair, Positive, Spec, convert, keys_of
+from ancf_casadi.support.inputs import error_prefix, whole
+from ancf_casadi.support.specs import Pair, Positive, Spec, convert, table_keys
 from problems.beam.curves.reading import ExcitationUnit
 from problems.beam.curves.record import Control, ResponseRecord, Sweep
 from problems.beam.motions.record import Camera, Channel, MotionRecord
@@ -117,7 +117,7 @@ class LoadSpec(Spec, frozen=True):
     def make(self) -> PointLoad:
         """Return the load."""
         if self.mass is UNSET:
-            return PointLoad(**self.given())
+            return PointLoad(**self.set_fields())
         if not (self.force is self.moment is self.follower is UNSET):
             raise InputError("give either a mass, or a force and a moment")
         return PointLoad.hung(self.mass, self.point)
@@ -228,7 +228,7 @@ class Measurements(StepTables):
         predicted = tables.pop("predictions")
         fitted = [table for several in tables.values() for table in several]
         sources = [source for table in (*fitted, *predicted) for source in table.sources]
-        settings = {key: value for key, value in fit.given().items() if key != "laws"}
+        settings = {key: value for key, value in fit.set_fields().items() if key != "laws"}
         return cls(file, beam, sources, law_terms(file, fit, beam), fitted, predicted, settings)
 
     @cached_property
@@ -258,8 +258,8 @@ def read_measurements(source: str | StudyFile) -> Measurements:
 def _frequencies(file: StudyFile, table: Any, model: Model, where: str) -> Deferred:
     spec, configuration = convert_groups(table, where, FrequenciesSpec, ConfigurationSpec)
     beam = configuration.other_model(model, where) or model
-    with located(where):
-        record = FrequencyRecord(beam, **spec.given())
+    with error_prefix(where):
+        record = FrequencyRecord(beam, **spec.set_fields())
     return Deferred(lambda: record)
 
 
@@ -276,7 +276,7 @@ def _static(file: StudyFile, table: Any, model: Model, where: str) -> Deferred:
     values = np.column_stack([readings.values for (readings, _), _ in channels])
     std = np.column_stack([np.broadcast_to(readings.std, cases) for (readings, _), _ in channels])
     beam = configuration.other_model(model, where) or model
-    with located(where):
+    with error_prefix(where):
         loads = load_cases(spec.loads)
         record = StaticRecord(
             beam, loads, values, sensors, None if np.isnan(std).all() else std, tared=spec.tared, name=spec.name
@@ -288,7 +288,7 @@ def load_cases(loads: Sequence[LoadSpec | Sequence[LoadSpec]]) -> list[list[Poin
     """Return the loads of each case."""
     cases = []
     for k, case in enumerate(loads, start=1):
-        with located(f"loads: {k}"):
+        with error_prefix(f"loads: {k}"):
             cases.append([load.make() for load in (case if isinstance(case, Sequence) else [case])])
     return cases
 
@@ -305,23 +305,23 @@ def _curve(file: StudyFile, table: Any, model: Model | None, where: str) -> Defe
     source, curve, sensor, *configurations = convert_groups(
         table, where, *kinds, *[ConfigurationSpec] * (model is not None)
     )
-    arguments = curve.given()
+    arguments = curve.set_fields()
     if model is not None:
         arguments |= excitation(file, curve, where)
         arguments["model"] = configurations[0].other_model(model, where)
-    if not in_file or keys_of(SensorSpec) & table.keys():
+    if not in_file or table_keys(SensorSpec) & table.keys():
         arguments["sensor"] = sensor.make("displacement", where)
     if not in_file:
-        with located(where):
-            record = ResponseRecord(**source.given(), **arguments)
+        with error_prefix(where):
+            record = ResponseRecord(**source.set_fields(), **arguments)
         return Deferred(lambda: record)
     if model is None:
         arguments.setdefault("excitation_unit", "")
-    columns = {key: value for key, value in source.given().items() if key not in (*LAYOUT_KEYS, "file")}
+    columns = {key: value for key, value in source.set_fields().items() if key not in (*LAYOUT_KEYS, "file")}
 
     def read() -> ResponseRecord:
-        contents, layout = source.contents(file, where), TableLayout.of(source.given())
-        with located(where):
+        contents, layout = source.contents(file, where), TableLayout.of(source.set_fields())
+        with error_prefix(where):
             return ResponseRecord.from_file(contents, layout=layout, **columns, **arguments)
 
     return Deferred(read, [(source, where)])
@@ -336,11 +336,11 @@ def excitation(file: StudyFile, curve: CurveTestSpec, where: str) -> dict[str, H
         level, place = getattr(curve, name), f"{where}: {name}"
         if in_file and name in file.tables:
             table, place = file.tables[name], file.where(name)
-            keys = {key: table[key] for key in keys_of(spec) & set(table)} if isinstance(table, dict) else table
+            keys = {key: table[key] for key in table_keys(spec) & set(table)} if isinstance(table, dict) else table
             level = convert(keys, spec, place)
         if level is not UNSET:
-            with located(place):
-                excitations[name] = harmonic(**level.given(), frequency=1.0)
+            with error_prefix(place):
+                excitations[name] = harmonic(**level.set_fields(), frequency=1.0)
     return excitations
 
 
@@ -349,7 +349,7 @@ def law_terms(file: StudyFile, fit: FitSpec, beam: DampedBeam) -> tuple[tuple[in
     count = len(beam.terms)
     if fit.laws is UNSET:
         return (*((k,) for k in range(count) if count > 1), tuple(range(count)))
-    with located(file.where("fit")):
+    with error_prefix(file.where("fit")):
         return tuple(tuple(whole(number, "laws", 1, count) - 1 for number in numbers) for numbers in fit.laws)
 
 
@@ -363,7 +363,7 @@ def channel_groups(
     table: Any, where: str, kinds: Sequence[Any], channel_kinds: Sequence[Any]
 ) -> tuple[Any, list[tuple[Any, str]]]:
     """Return a table as an object of each kind, and its channels with their places; a key beside them holds for all."""
-    keys = {key for kind in channel_kinds for key in keys_of(kind)}
+    keys = {key for kind in channel_kinds for key in table_keys(kind)}
     objects = convert_groups(table, where, *kinds, shared=keys)
     shared = {key: table[key] for key in keys & table.keys()}
     listed = [channel for group in objects for channel in getattr(group, "channels", ())]
@@ -385,17 +385,17 @@ def _motion(file: StudyFile, table: Any, model: Model, where: str) -> Deferred:
     if motion.release is not UNSET and motion.start is not UNSET:
         raise InputError("is given by the release; leave it out", f"{where}: start")
     other_model = configuration.other_model(model, where)
-    excited = convert_motion(file, motion.given(), where)
+    excited = convert_motion(file, motion.set_fields(), where)
     camera = None if motion.camera is UNSET else convert(motion.camera, Camera, f"{where}: camera")
 
     def read() -> MotionRecord:
         measured = []
         for ((channel, _), place), sensor in zip(channels, sensors, strict=True):
             record = channel.measurement(file, place, sensor)
-            with located(place):
+            with error_prefix(place):
                 measured.append(Channel(record, channel.std, channel.offset, channel.zero))
         arguments = excited.make(other_model or model)
-        with located(where):
+        with error_prefix(where):
             return MotionRecord(
                 measured,
                 model=other_model,

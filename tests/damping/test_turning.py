@@ -258,7 +258,7 @@ def test_the_linearised_step_is_that_of_the_residual_where_the_clamp_turns_withi
     factors = tangent.factors(entries, step, rates)
     ordered = np.empty_like(jacobian)
     ordered[np.ix_(tangent.order, tangent.order)] = jacobian
-    for matrix, solve in ((ordered, factors.solve), (ordered.T, factors.solve_transposed)):
+    for matrix, solve in ((ordered, factors.solve), (ordered.T, factors.solve_transpose)):
         right = random.normal(size=(3 * free, 2))
         expected = np.linalg.solve(matrix, right)
         np.testing.assert_allclose(solve(right.copy(order="F")), expected, atol=1e-9 * abs(expected).max())

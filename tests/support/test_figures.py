@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from ancf_casadi.estimation.figures import criteria_figure, scatter_figure
 from ancf_casadi.plot import figure_bytes
 from ancf_casadi.records.figures import record_figure, spectra_figure
-from ancf_casadi.support.figures import literal_text, prefixed
+from ancf_casadi.support.figures import literal_text, si_prefix
 
 ROOT = Path(__file__).parents[2]
 FORMULA = r"$\undefined$, $5"
@@ -100,5 +100,5 @@ def test_a_figure_that_passes_twice_is_the_same():
     ],
 )
 def test_a_value_is_between_1_and_1000_in_the_unit_with_its_prefix(largest, unit, expected):
-    size, name = prefixed(largest, unit)
+    size, name = si_prefix(largest, unit)
     assert (pytest.approx(size), name) == expected

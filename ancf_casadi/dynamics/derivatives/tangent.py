@@ -283,7 +283,7 @@ class Tangent:
 
     def given(self, step: RadauStep, factors: BandedFactors, parameters: Array, weights: Array) -> Array:
         """Return -R_u^T G^-T w for weights w of the increments, (3 N, d)."""
-        residuals = -factors.solve_transposed(weights[self.inverse_order])[self.order]
+        residuals = -factors.solve_transpose(weights[self.inverse_order])[self.order]
         bound, columns = self._reverse.at(step, parameters), []
         for column in residuals.T:
             bound.vectors[0] = column

@@ -41,7 +41,7 @@ from ancf_casadi.export.simulators.segments import (
 )
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.support.arrays import Array
-from ancf_casadi.support.files import check_file, check_ours, filled_template, template_text, write_file
+from ancf_casadi.support.files import check_file, check_ours, fill_template, template_text, write_file
 from ancf_casadi.support.inputs import check_instance, physical, positive, whole
 from ancf_casadi.support.tables import Displayed, Table
 from ancf_casadi.version import __version__
@@ -397,7 +397,7 @@ def _fill_template(template: str, exported: ExportedBeam, **template_values: Any
     lines += [f"Not represented: {warning}." for warning in exported.warnings]
     summary = {"version": __version__, "account": "\n".join(lines), "exported": exported}
     formats = {"shown": _format_numbers, "digits": _round_digits}
-    return filled_template(FOLDER, template, summary | template_values | formats)
+    return fill_template(FOLDER, template, summary | template_values | formats)
 
 
 def _format_numbers(*values: float) -> str:

@@ -17,7 +17,7 @@ from ancf_casadi.records.reading.c3d import read_c3d
 from ancf_casadi.records.reading.labview import read_lvm, read_tdms
 from ancf_casadi.records.reading.text.reader import read_text
 from ancf_casadi.records.reading.uff import read_uff
-from ancf_casadi.support.files import opened
+from ancf_casadi.support.files import open_file
 from ancf_casadi.support.inputs import LARGEST_TIME
 
 SIGNATURE_BYTES = 1024
@@ -34,7 +34,7 @@ OTHER_FORMATS = {
 
 def read_contents(path: str | Path, *, layout: TableLayout = NO_LAYOUT, progress: bool = False) -> Recording:
     """Read all columns of a file of at most 1 GiB."""
-    with opened(path, 2**30) as file:
+    with open_file(path, 2**30) as file:
         start = file.read(SIGNATURE_BYTES)
         file.seek(0)
         recording = _read(Path(path), file, start, layout, progress)

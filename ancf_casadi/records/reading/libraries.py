@@ -23,7 +23,7 @@ from ancf_casadi.exceptions import InputError
 from ancf_casadi.records.reading import worker
 from ancf_casadi.records.reading.worker import UnusableFileError
 from ancf_casadi.support.arrays import Array
-from ancf_casadi.support.optional import installed
+from ancf_casadi.support.optional import find_module
 
 ONE_THREAD = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1", "MKL_NUM_THREADS": "1"}  # threads reserve memory
 
@@ -49,7 +49,7 @@ def library_errors(path: str, format_name: str) -> Iterator[None]:
 
 def read_in_process(kind: str, module: str, path: Path, format_name: str) -> tuple[dict[str, Array], dict[str, Any]]:
     """Read the arrays and properties of a file by the reader ``kind`` of ``worker``, in another process."""
-    installed(module, f"{format_name} files need it")
+    find_module(module, f"{format_name} files need it")
     command = [sys.executable, "-P", "-W", "ignore", worker.__file__, kind, os.path.abspath(path)]
     try:
         # s: a margin for a loaded machine, and the time at the lowest rate, 1 MB/s

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.records.video import decoder
-from ancf_casadi.support.files import opened
+from ancf_casadi.support.files import open_file
 
 Picture = NDArray[np.uint8 | np.float32]  # grey levels, by row and column
 
@@ -34,7 +34,7 @@ class Video:
 @contextmanager
 def open_video(path: str | Path) -> Iterator[Video]:
     """Open a video file and decode it in another process."""
-    with opened(path):
+    with open_file(path):
         pass
     command = [sys.executable, "-P", "-W", "ignore", decoder.__file__, os.path.abspath(path)]
     with subprocess.Popen(

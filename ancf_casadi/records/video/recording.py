@@ -22,8 +22,8 @@ from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.files import check_file, write_file
 from ancf_casadi.support.inputs import (
     array,
+    error_prefix,
     flag,
-    located,
     not_negative,
     numbers,
     physical,
@@ -134,7 +134,7 @@ def track_video(
     picture = None if preview is None else check_file(preview)
     flag(progress, "progress")
     times: list[float] = []
-    with open_video(path) as video, located(str(path)), counter("track", shown=progress):
+    with open_video(path) as video, error_prefix(str(path)), counter("track", shown=progress):
         grey = (frame.astype(np.float32) for frame in _pictures(video, rate, interval, times))
         pictures = (cv2.GaussianBlur(frame, (0, 0), SMOOTHING) for frame in grey)
         try:

@@ -46,7 +46,7 @@ from ancf_casadi.records.sensor import Sensor
 from ancf_casadi.records.units import known_unit
 from ancf_casadi.response.harmonic_balance.system import beam_drive
 from ancf_casadi.support.arrays import Array, ComplexArray
-from ancf_casadi.support.inputs import array, check_instance, choice, complex_array, flag, located, positive_array
+from ancf_casadi.support.inputs import array, check_instance, choice, complex_array, error_prefix, flag, positive_array
 from ancf_casadi.support.tables import Displayed, counted, spread
 from problems.beam.curves.reading import (
     ExcitationUnit,
@@ -234,7 +234,7 @@ class ResponseRecord(Displayed):
         if told is not None:
             found = found.only("--level", ["level"], told.number)
         function = only_function(extract_functions(found, phase_unit), found.path)
-        with located(f"{found.path}: column {function.channel.label}"):
+        with error_prefix(f"{found.path}: column {function.channel.label}"):
             factor, read_by = reading_of(function.channel, own_unit, sensor, for_beam=excitation_unit is None)
         values = factor * function.values
         notes = [*found.notes, *(() if own_unit else unit_notes([function.channel]))]
@@ -250,7 +250,7 @@ class ResponseRecord(Displayed):
         if not present.all():
             notes.append(f"{int((~present).sum())} rows with a gap are left out")
         frequencies = found.frequencies[present]
-        with located(found.path):
+        with error_prefix(found.path):
             if excitation_unit is None:
                 base, load, levels = excitation_at_one(frequencies, levels, quantity, base, load)
             else:
@@ -266,7 +266,7 @@ class ResponseRecord(Displayed):
             "excitation_unit": excitation_unit or "",
             "notes": tuple(f"{Path(found.path).name}: {note}" for note in notes),
         }
-        with located(found.path):
+        with error_prefix(found.path):
             return cls(**(given | settings))
 
     def _check_excitation(self) -> None:

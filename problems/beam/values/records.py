@@ -33,10 +33,10 @@ from ancf_casadi.support.callbacks import Differentiable
 from ancf_casadi.support.inputs import (
     array,
     check_instance,
+    error_prefix,
     flag,
     instances,
     is_sequence,
-    located,
     physical,
     positive_array,
     shown,
@@ -330,7 +330,7 @@ def _cases(loads: object, model: Model) -> tuple[tuple[PointLoad, ...], ...]:
         own = (case,) if isinstance(case, PointLoad) else tuple(case) if is_sequence(case) else (case,)
         for load in own:
             check_instance(load, "loads", PointLoad)
-            with located("loads"):
+            with error_prefix("loads"):
                 load.place(model.beam)
         cases.append(own)
     return tuple(cases)

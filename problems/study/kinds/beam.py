@@ -20,7 +20,7 @@ from ancf_casadi.mechanics.spec import BeamSpec
 from ancf_casadi.mechanics.supports import Clamp
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.figures import Figure
-from ancf_casadi.support.inputs import located, whole
+from ancf_casadi.support.inputs import error_prefix, whole
 from ancf_casadi.support.specs import Positive, convert
 from ancf_casadi.support.tables import Cell, Table, to_json
 from ancf_casadi.vibration.modes import STATIONS, Modes, natural_modes
@@ -213,7 +213,7 @@ class Match(Step, MatchTable):
                 f"a match takes {MOST_ELEMENTS} at most, got {elements}; 20 to 100 are enough",
                 f"{study.file.where('beam')}: elements",
             )
-        with located(place):
+        with error_prefix(place):
             targets = request_of(table)["targets"]
         modes = len(targets.frequencies if isinstance(targets, MeasuredModes) else targets)
         columns = {"standard": modes, "optimum": modes, "value": len(ELEMENT_ROWS)}

@@ -113,9 +113,8 @@ def _release(functions: MotionFunctions) -> dict[str, Any]:
         return {"steps_per_sample": 10, "pull": pull}
     q, base_at_rest = cs.MX.sym("q", functions.free), cs.MX(len(functions.base), 1)
     e, _ = functions.named["coordinates"](q, cs.MX(functions.free, 1), base_at_rest)
-    coordinates, jacobian = _value_and_jacobian(
-        cs.vertcat(functions.tip(q, base_at_rest), e), q, np.zeros(functions.free)
-    )
+    tip_and_nodes = cs.vertcat(functions.tip(q, base_at_rest), e)
+    coordinates, jacobian = _value_and_jacobian(tip_and_nodes, q, np.zeros(functions.free))
     node_displacements = np.linalg.norm(jacobian[2:, 0].reshape(-1, NODE)[:, :2], axis=1)
     deflection = DEFLECTION * np.linalg.norm(coordinates[:2]) / node_displacements.max()
     steps_per_sample = math.ceil(PROGRAM_STEP * STEPS_PER_PERIOD * _highest_frequency(functions))
@@ -193,10 +192,8 @@ def write_c(
         "is_static": _is_static, "table": _table,
     }  # fmt: skip
     templates = {f"{name}.c": "beam.c.jinja", f"{name}.h": "beam.h.jinja", "main.c": "main.c.jinja"}
-    contents = {
-        target / file_name: fill_template("ancf_casadi.export", template, template_values)
-        for file_name, template in templates.items()
-    }
+    contents = {target / file: fill_template("ancf_casadi.export", form, template_values)
+                for file, form in templates.items()}  # fmt: skip
     for path in contents:
         check_ours(path, MARK)
     write_files(contents)

@@ -51,15 +51,13 @@ def advance_function(functions: MotionFunctions) -> cs.Function:
     """Return (x, u, p, h) -> x_next, error."""
     x, u, p = symbols = _symbols(functions)
     h, n = cs.MX.sym("h"), functions.free
-    q, v, base_position, base_velocity = cs.vertsplit(x, [0, n, 2 * n, 2 * n + BASE_COORDINATES, x.numel()])
+    q, v, place, velocity = cs.vertsplit(x, [0, n, 2 * n, 2 * n + BASE_COORDINATES, x.numel()])
     a, parameters = u[:BASE_COORDINATES], cs.vertcat(p, u[BASE_COORDINATES:])
 
     def base(begin: cs.MX | float, length: cs.MX, instants: Sequence[float]) -> cs.MX:
         """Return the motion of the base at instants of a step."""
         times = [begin + length * instant for instant in instants]
-        return cs.horzcat(
-            *(cs.vertcat(base_position + base_velocity * t + a * t**2 / 2, base_velocity + a * t, a) for t in times)
-        )
+        return cs.horzcat(*(cs.vertcat(place + velocity * t + a * t**2 / 2, velocity + a * t, a) for t in times))
 
     weights, length = _error_weights(functions)
     if isinstance(functions, BeamFunctions):
@@ -147,9 +145,9 @@ def _error_weights(functions: MotionFunctions) -> tuple[cs.DM, float]:
     else:
         q, base_at_rest = cs.MX.sym("q", functions.free), cs.MX(len(functions.base), 1)
         e, _ = functions.named["coordinates"](q, cs.MX(functions.free, 1), base_at_rest)
-        nodes, change = (value.full() for value in cs.Function("nodes", [q], [e, cs.jacobian(e, q)])(equilibrium))
+        nodes, jacobian = (value.full() for value in cs.Function("nodes", [q], [e, cs.jacobian(e, q)])(equilibrium))
         position_rows = np.arange(len(nodes)) % NODE < 2
-        positions, shapes = nodes[position_rows], change[position_rows]
+        positions, shapes = nodes[position_rows], jacobian[position_rows]
     length = float(np.abs(positions).max())
     return cs.DM(np.abs(shapes).max(axis=0) / length), length
 
@@ -206,14 +204,8 @@ def co_simulation_description(functions: MotionFunctions, name: str, token: str)
     )
     for common, signals in groups:
         for signal in signals:
-            reference = str(len(variables))
-            attributes = {
-                "name": signal.name,
-                "valueReference": reference,
-                "description": signal.description,
-                **common,
-            }
-            attributes |= {"unit": signal.unit} if signal.unit != "1" else {}
+            names = {"name": signal.name, "valueReference": str(len(variables)), "description": signal.description}
+            attributes = names | common | ({"unit": signal.unit} if signal.unit != "1" else {})
             attributes |= {} if common["causality"] in ("independent", "output") else {"start": repr(signal.value)}
             ET.SubElement(variables, "Float64", attributes)
     for element in ("Output", "InitialUnknown"):

@@ -162,9 +162,7 @@ def beam_functions(
     sizes = {"q": size, "v": size, "a": size, "base": len(base_signals()), "p": len(parameters)}
     symbols = {name: cs.MX.sym(name, size) for name, size in sizes.items()}
     balance, node = equations.balance_for(symbols["p"]), _base_node(model, symbols["base"])
-    e, e_t, e_tt = (
-        model.whole(symbols[key], base_vector) for key, base_vector in zip(("q", "v", "a"), node, strict=True)
-    )
+    e, e_t, e_tt = (model.whole(symbols[key], vector) for key, vector in zip("qva", node, strict=True))
     mass = free_block(model, model.mass(balance.properties))
     stiffness = free_block(model, model.tangent_stiffness(e, balance.properties))
     all_damping, conservative, inertia = balance.damping(e, e_t), balance.conservative(e), balance.inertia(e_tt)

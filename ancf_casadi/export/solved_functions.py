@@ -58,9 +58,7 @@ from ancf_casadi.vibration.modes import Modes
 
 NEWTON_OPTIONS = {"error_on_fail": False, "max_iter": 12, "abstol": 0.0, "abstolStep": 1e-9}
 LOAD_STEPS = 8  # m, from the parameters of the model to p
-MAX_ERROR = (
-    1e-9  # largest change in a further Newton step (relative to length and slope), and largest residual of a mode
-)
+MAX_ERROR = 1e-9  # change in a further Newton step, relative to length and slope, and residual of a mode
 GAMMA = 1 - 1 / math.sqrt(2)
 
 Rows = tuple[tuple[float, ...], ...]  # of A up to the diagonal, which is constant except for an explicit first stage
@@ -115,9 +113,8 @@ def equilibrium_function(model_equilibrium: Equilibrium, equations: Equations, s
     balance, e = equations.balance_for(p), model.whole(origin + column_scale * z, base)
     row_scale, column_scales = cs.DM(scale**2 / column_scale), cs.DM(column_scale)
     residual = row_scale * model.of_free(balance.at_rest(e))
-    stiffness = scaled_matrix(
-        free_block(model, model.tangent_stiffness(e, balance.properties)), row_scale, column_scales
-    )
+    tangent_stiffness = free_block(model, model.tangent_stiffness(e, balance.properties))
+    stiffness = scaled_matrix(tangent_stiffness, row_scale, column_scales)
     solve = newton("equilibrium_newton", [z, p], stiffness, residual)
     solution = cs.MX.zeros(scale.size)
     for j in range(1, LOAD_STEPS + 1):
@@ -211,12 +208,8 @@ def step_function(
     dr_dq, dr_dv, dr_da = jacobians(*state, base, p)
     stage_inputs = [q, v, base, p, h]
     unbalance = row_scale * residual(*state, base, p)
-    solve = newton(
-        "step_newton",
-        [x, *stage_inputs],
-        scaled_matrix(dr_dq + s * dr_dv + s**2 * dr_da, row_scale, column_scale),
-        unbalance,
-    )
+    jacobian = scaled_matrix(dr_dq + s * dr_dv + s**2 * dr_da, row_scale, column_scale)
+    solve = newton("step_newton", [x, *stage_inputs], jacobian, unbalance)
     solution = solve(cs.MX(x.numel(), 1), *stage_inputs)
     *stage_end, stage_residual = cs.graph_substitute([*state, unbalance], [x], [solution])
     validity = nan_unless(cs.norm_inf(stage_residual) < 1e-8)  # largest residual of the scaled equations

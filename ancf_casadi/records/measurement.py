@@ -30,7 +30,7 @@ from ancf_casadi.support.figures import Figure
 from ancf_casadi.support.inputs import LARGEST_TIME, array, check_instance, error_prefix, number, physical, whole
 from ancf_casadi.support.tables import Displayed, counted, spread
 
-MIN_DECIMATED_SAMPLES = 30  # new samples of a record that can be decimated: the length of the filter
+MIN_SAMPLES = 30  # new samples of a record that can be decimated: the length of the filter
 
 
 @dataclass(frozen=True, eq=False, init=False)
@@ -239,9 +239,9 @@ class Measurement(Displayed):
         whole(factor, "factor", 1)
         if factor == 1:
             return self
-        if len(self.time) < MIN_DECIMATED_SAMPLES * factor:
+        if len(self.time) < MIN_SAMPLES * factor:
             raise InputError(
-                f"{len(self.time)} samples are too few; needs {MIN_DECIMATED_SAMPLES} per unit of the factor", "factor"
+                f"{len(self.time)} samples are too few; needs {MIN_SAMPLES} per unit of the factor", "factor"
             )
         self._step()
         values, first = decimate(self.values, factor)

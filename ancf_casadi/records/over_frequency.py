@@ -73,7 +73,7 @@ class SpectralContents:
     notes: tuple[str, ...] = ()
 
     def only(self, option: str, roles: Sequence[str], wanted: str | int | None) -> SpectralContents:
-        """Return the contents with the chosen column (name or number) as the only one with these roles."""
+        """Return the contents with the wanted column as the only one with one of the roles; None changes nothing."""
         if wanted is None:
             return self
         chosen = find_channel([channel for _, channel in self.columns], wanted, option, self.path)

@@ -177,12 +177,11 @@ def quality_warnings(time: Array, values: Array) -> list[str]:
 
 def _clipping_warning(values: Array) -> str:
     """Return a warning if a record is clipped at its highest or lowest value, else an empty text."""
-    clipped_swings = {
-        float(sign * top): count for sign in (1.0, -1.0) for top, count in [_flat_swings(sign * values)] if count
-    }
-    if not clipped_swings:
+    (top, top_count), (bottom, bottom_count) = _flat_swings(values), _flat_swings(-values)
+    clipped = [(value, count) for value, count in ((top, top_count), (-bottom, bottom_count)) if count]
+    if not clipped:
         return ""
-    ends = " and ".join(f"{count} swings at {value:.5g}" for value, count in clipped_swings.items())
+    ends = " and ".join(f"{count} swings at {value:.5g}" for value, count in clipped)
     return (
         f"the record is clipped: {ends} end flat at exactly the same value, as where a sensor or amplifier saturates; "
         "the amplitudes are too small there: begin later, or measure again with a larger range"
@@ -217,11 +216,7 @@ def _flat_swings(values: Array) -> tuple[float, int]:
 def _swings(above: NDArray[np.bool_], values: Array) -> list[Array]:
     """Return the stretches of a record above its middle."""
     edges: Index = np.flatnonzero(np.diff(above.astype(np.int8))) + 1
-    return [
-        segment
-        for segment, is_above in zip(np.split(values, edges), np.split(above, edges), strict=True)
-        if is_above[0]
-    ]
+    return np.split(values, edges)[0 if above[0] else 1 :: 2]
 
 
 def _runs(equal: NDArray[np.bool_]) -> Index:
@@ -243,13 +238,10 @@ def _aliasing_warning(time: Array, values: Array) -> str:
     segments = [swing[k * size // 2 :][:size] for k in range(PERIODOGRAMS)]
     power = np.mean([np.abs(np.fft.rfft(window * (segment - segment.mean()))) ** 2 for segment in segments], axis=0)
     relative = np.arange(len(power)) / (len(power) - 1)  # of half the sampling rate
-    edge, lower_band, upper = (
-        power[relative > 0.96],
-        power[(relative > 0.8) & (relative < 0.94)],
-        power[relative > 2 / 3],
-    )
+    edge, upper_third = power[relative > 0.96], power[relative > 2 / 3]
+    band_below = power[(relative > 0.8) & (relative < 0.94)]
     highest = float(edge.max())
-    if highest <= max(50.0 * float(np.median(upper)), 10.0 * float(lower_band.max()), 1e-4 * float(power.max())):
+    if highest <= max(50.0 * float(np.median(upper_third)), 10.0 * float(band_below.max()), 1e-4 * float(power.max())):
         return ""
     frequency = relative[relative > 0.96][int(np.argmax(edge))] * 0.5 * (len(time) - 1) / (time[-1] - time[0])
     return (

@@ -121,19 +121,16 @@ def _check_times(channel: RecordedChannel) -> RecordedChannel:
 
 
 def _from_column(recording: Recording, time: str | int | None, unit: Unit | None) -> Recording:
-    """Return times from a column."""
+    """Take the times from a column, by default the one that ``_find_time_column`` finds."""
     if time is None and unit is None:
         recording = _with_joined_time(recording)
-    channel = (
-        _find_time_column(recording)
-        if time is None
-        else find_channel(recording.channels, time, "--time", recording.path)
-    )
+    channels, path = recording.channels, recording.path
+    channel = _find_time_column(recording) if time is None else find_channel(channels, time, "--time", path)
     if channel.fault:
-        raise InputError(channel.fault, f"{recording.path}: column {channel.label}")
+        raise InputError(channel.fault, f"{path}: column {channel.label}")
     if unit is None and is_counter(channel):
-        raise InputError("counts samples, not seconds; give --sample-rate", f"{recording.path}: column {channel.label}")
-    seconds, notes = _seconds(channel, unit, recording.path)
+        raise InputError("counts samples, not seconds; give --sample-rate", f"{path}: column {channel.label}")
+    seconds, notes = _seconds(channel, unit, path)
     return _on_times(recording, channel, seconds, notes)
 
 
@@ -153,9 +150,8 @@ def _from_rate(recording: Recording, rate: float, time: str | int | None) -> Rec
         return _on_times(recording, counter, seconds, (f"times from column {counter.label} at {rate:g} 1/s",))
     seconds = np.arange(max((len(channel.values) for channel in recording.channels), default=0)) / rate
     channels = tuple(replace(channel, time=seconds[: len(channel.values)]) for channel in recording.channels)
-    return replace(
-        recording, channels=channels, notes=(*recording.notes, f"times from the sampling rate, {rate:g} 1/s")
-    )
+    notes = *recording.notes, f"times from the sampling rate, {rate:g} 1/s"
+    return replace(recording, channels=channels, notes=notes)
 
 
 def _find_time_column(recording: Recording) -> RecordedChannel:
@@ -193,44 +189,30 @@ def _find_time_column(recording: Recording) -> RecordedChannel:
 
 def _has_time(recording: Recording) -> bool:
     """Return whether a column holds times, so that the sampling step that the file states is not needed."""
-    return (
-        any(is_time(channel) and not _constant(channel.values) for channel in recording.channels)
-        and len(recording.channels) > 1
-    )
+    channels = recording.channels
+    return len(channels) > 1 and any(is_time(channel) and not _constant(channel.values) for channel in channels)
 
 
 def _with_joined_time(recording: Recording) -> Recording:
     """Return the channels of a file with one time instead of two columns of whole seconds and their fractions."""
-    named = [channel for channel in recording.channels if is_time(channel) or JOINED_NAME.search(channel.name)]
-    pairs = [
-        (whole_seconds, fraction)
-        for whole_seconds in named
-        for fraction in recording.channels
-        if fraction is not whole_seconds
-    ]
-    for whole_seconds, fraction in pairs:
-        digits = _fraction_digits(whole_seconds.values, fraction.values)
-        if whole_seconds.fault or fraction.fault or digits is None:
+    channels = recording.channels
+    named = [channel for channel in channels if is_time(channel) or JOINED_NAME.search(channel.name)]
+    pairs = [(clock, fraction) for clock in named for fraction in channels if fraction is not clock]
+    for clock, fraction in pairs:
+        digits = _fraction_digits(clock.values, fraction.values)
+        if clock.fault or fraction.fault or digits is None:
             continue
-        seconds = (whole_seconds.values - whole_seconds.values[0]) + fraction.values / 10.0**digits
-        joined = replace(
-            whole_seconds, name=f"{whole_seconds.name} + {fraction.name}", values=seconds, symbol="s", unit=SECONDS
-        )
-        channels = tuple(
-            joined if channel is whole_seconds else channel for channel in recording.channels if channel is not fraction
-        )
-        note = f"times from columns {whole_seconds.label}, whole seconds, and {fraction.label}, their fractions"
-        return replace(recording, channels=channels, notes=(*recording.notes, note))
+        seconds = (clock.values - clock.values[0]) + fraction.values / 10.0**digits
+        time = replace(clock, name=f"{clock.name} + {fraction.name}", values=seconds, symbol="s", unit=SECONDS)
+        joined = tuple(time if channel is clock else channel for channel in channels if channel is not fraction)
+        note = f"times from columns {clock.label}, whole seconds, and {fraction.label}, their fractions"
+        return replace(recording, channels=joined, notes=(*recording.notes, note))
     return recording
 
 
 def _fraction_digits(seconds: Array, fraction: Array) -> int | None:
     """Return the digits of fractions of a second, 0, 3, 6 or 9; None if the columns are not seconds and fractions."""
-    if (
-        len(seconds) != len(fraction)
-        or len(seconds) < 3
-        or not (np.isfinite(seconds).all() and np.isfinite(fraction).all())
-    ):
+    if len(seconds) != len(fraction) or len(seconds) < 3 or not np.isfinite([seconds, fraction]).all():
         return None
     carries, falls = np.diff(seconds), np.diff(fraction) < 0.0
     if (seconds != np.floor(seconds)).any() or (carries < 0.0).any() or not falls.any() or (carries[falls] < 1.0).any():

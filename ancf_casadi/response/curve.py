@@ -122,8 +122,10 @@ class ResponseCurve(Reported):
     def table(self) -> Table:
         """Return bifurcations, jumps and the largest amplitude."""
         name, unit = self.quantity
-        rows: list[tuple[str, float, float | None]] = [("largest amplitude", *self._place(self.peak))]
-        rows += [(bifurcation.kind, *self._place(bifurcation.motion)) for bifurcation in self.bifurcations]
+        rows: list[tuple[str, float, float | None]] = [("largest amplitude", *self._value_and_amplitude(self.peak))]
+        rows += [
+            (bifurcation.kind, *self._value_and_amplitude(bifurcation.motion)) for bifurcation in self.bifurcations
+        ]
         for direction, jumps in zip(("up", "down"), self.jumps, strict=True):
             rows += [(f"jump, sweeping {direction}", value, None) for value in jumps]
         length = self.motions[0].excited.unit
@@ -174,7 +176,7 @@ class ResponseCurve(Reported):
         """
         return self._draw_figure(others, labels, point=point)
 
-    def _place(self, motion: PeriodicMotion) -> tuple[float, float]:
+    def _value_and_amplitude(self, motion: PeriodicMotion) -> tuple[float, float]:
         return _curve_value(motion, self.free), motion.amplitude()
 
     def _summary(self) -> str:

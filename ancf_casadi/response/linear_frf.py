@@ -259,14 +259,11 @@ def linear_frf(
     response_direction = unit_vector((-axis[1], axis[0]) if direction is None else direction, "direction")
     input_direction = response_direction if load_direction is None else unit_vector(load_direction, "load_direction")
     law = damping or RayleighDamping()
-    arc_lengths = {
-        name: _check_points(model, positions, name)
-        for name, positions in (("points", points), ("load_points", load_points))
-    }
+    arc_lengths = _check_points(model, points, "points"), _check_points(model, load_points, "load_points")
     state = equilibrium or static_equilibrium(model, loads=law.loads(model.beam))
     # the default frequencies cover five resonances
     modes = _without_rigid_modes(natural_modes(model, count=min(5, model.freedoms), equilibrium=state))
-    response_points, loaded_points = (positions or modes.reference_points[:1] for positions in arc_lengths.values())
+    response_points, loaded_points = (positions or modes.reference_points[:1] for positions in arc_lengths)
     loaded_points = () if base_moves else loaded_points
     f = _default_frequencies(modes, law) if frequencies is None else _check_frequencies(frequencies)
 
@@ -312,9 +309,8 @@ def _default_frequencies(modes: Modes, law: DampingLaw) -> Array:
     ratios = np.clip(_damping_ratios(modes, law), 1e-4, 0.1)
     grid = np.geomspace(FREQUENCY_SPAN[0] * f[0], FREQUENCY_SPAN[1] * f[-1], 400)
     offsets = HALF_WIDTHS * np.sinh(np.linspace(-4.0, 4.0, 61)) / np.sinh(4.0)
-    return np.unique(
-        np.concatenate([grid, *(frequency * (1 + ratio * offsets) for frequency, ratio in zip(f, ratios, strict=True))])
-    )
+    near_resonances = f[:, None] * (1 + ratios[:, None] * offsets)
+    return np.unique(np.append(grid, near_resonances))
 
 
 def _without_rigid_modes(modes: Modes) -> Modes:
@@ -343,14 +339,11 @@ def _responses(
     model, B = equilibrium.model, law.projection(equilibrium.model)
     D, tangent_damping, d = damping_at_rest(model, law)(equilibrium.coordinates)
     M, d = model.mass(model.properties).sparse(), d.full()
-    damping_force, inertia_force = map(
-        model.of_free, (D.sparse() @ translation + B @ (d * (B.T @ translation)), M @ translation)
-    )
+    damping_force = model.of_free(D.sparse() @ translation + B @ (d * (B.T @ translation)))
+    inertia_force = model.of_free(M @ translation)
     _, stiffness, mass = equilibrium.structure.linearisation(equilibrium.exact)
-    tangent_damping, damping = tangent_damping.sparse().tocoo(), np.zeros_like(stiffness)
-    np.add.at(
-        damping, (BANDWIDTH + tangent_damping.row - tangent_damping.col, tangent_damping.col), tangent_damping.data
-    )
+    entries, damping = tangent_damping.sparse().tocoo(), np.zeros_like(stiffness)
+    np.add.at(damping, (BANDWIDTH + entries.row - entries.col, entries.col), entries.data)
     B, responses = model.of_free(B), []
     for ω in 2 * np.pi * f:
         storage = np.zeros((3 * BANDWIDTH + 1, stiffness.shape[1]), dtype=complex, order="F")

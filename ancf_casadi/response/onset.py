@@ -103,14 +103,12 @@ def follow_onset(subject: Excited, omega: float, amplitude: float, tolerance: fl
     balance = subject.balance
     response = linear_response(balance, omega)
     # 0.01 limits the size of the first motion, relative to the scale of the system
-    start_amplitude = amplitude * min(
-        START_SHARE, 0.01 / max(motion_size(balance, amplitude * response[1]), SMALLEST_SIZE)
-    )
+    size = max(motion_size(balance, amplitude * response[1]), SMALLEST_SIZE)
+    start_amplitude = amplitude * min(START_SHARE, 0.01 / size)
     if start_amplitude < 1e-9 * amplitude:
         raise _resonance_error(omega)
-    return continue_to_amplitude(
-        small_motion_at(balance, omega, response, start_amplitude, amplitude, tolerance), amplitude
-    )
+    start = small_motion_at(balance, omega, response, start_amplitude, amplitude, tolerance)
+    return continue_to_amplitude(start, amplitude)
 
 
 def linear_response(balance: HarmonicBalance, omega: float) -> tuple[Array, Array]:

@@ -294,14 +294,15 @@ def _locate_bifurcations(
     subject: Excited, step: ContinuationStep, name: Free
 ) -> Iterator[tuple[Bifurcation, PeriodicMotion]]:
     """Yield the bifurcations in a step."""
-    components = [tangent[point.family.place(name)] for point, tangent in
-             ((step.start, step.tangent), (step.end, step.end_tangent))]  # fmt: skip
-    turns = components[0] * components[1] < 0.0
-    for kind in bifurcations(step.start.multipliers, step.end.multipliers, turned=turns):
+
+    def changes_sign(test: Callable[[Point, Array], float]) -> bool:
+        return test(step.start, step.tangent) * test(step.end, step.end_tangent) < 0.0
+
+    turned = changes_sign(_test_function("fold", name))
+    for kind in bifurcations(step.start.multipliers, step.end.multipliers, turned=turned):
         test = _test_function(kind, name)
-        start_value, end_value = test(step.start, step.tangent), test(step.end, step.end_tangent)
         try:
-            point = locate_zero(step, test) if start_value * end_value < 0.0 else step.end
+            point = locate_zero(step, test) if changes_sign(test) else step.end
         except NotFound:
             point = step.end
         yield kind, as_periodic_motion(subject, point)
@@ -324,7 +325,5 @@ def _passes_point(step: ContinuationStep, first: Point) -> bool:
     begin, end, point = (p.family.resize(p.z, harmonics) / family.scale for p in (step.start, step.end, first))
     step_vector, offset = end - begin, point - begin
     fraction = step_vector @ offset / (step_vector @ step_vector)
-    # the curve has closed if the first point is within 0.1 step lengths of the step
-    return bool(
-        0.0 < fraction <= 1.0 and np.linalg.norm(offset - fraction * step_vector) <= 0.1 * np.linalg.norm(step_vector)
-    )
+    distance = np.linalg.norm(offset - fraction * step_vector) / np.linalg.norm(step_vector)
+    return bool(0.0 < fraction <= 1.0 and distance <= 0.1)  # step lengths

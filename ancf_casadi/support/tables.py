@@ -137,12 +137,8 @@ class Reported(Displayed, ABC):
 
     def report(self) -> str:
         """Return the tables and the warnings as text."""
-        return "\n".join(
-            [
-                "\n\n".join(table.text() for table in self.tables()),
-                *(f"  note: {warning}" for warning in self._warnings),
-            ]
-        )
+        tables = "\n\n".join(table.text() for table in self.tables())
+        return "\n".join([tables, *(f"  note: {warning}" for warning in self._warnings)])
 
     def figure(self, *others: Any, labels: Sequence[str] = ()) -> Figure:
         """Draw the result together with others of its kind.

@@ -89,20 +89,15 @@ def write_exudyn(
     beam, modes = model.beam, request.modes
     if not (isinstance(beam.supports[0], Clamp) and math.isinf(beam.supports[0].stiffness)):
         raise InputError("must be a rigid clamp, to be written for exudyn", "supports")
-    if (
-        any(not isinstance(attachment, PointMass) for attachment in beam.attachments)
-        or model.measures != StrainMeasures()
-    ):
+    masses_only = all(isinstance(attachment, PointMass) for attachment in beam.attachments)
+    if not masses_only or model.measures != StrainMeasures():
         raise InputError("has springs, dashpots or strain measures that cannot be written for exudyn", "model")
     terms = law_terms(request.damping)
     modal = [term for term in terms if isinstance(term, ModalDamping)]
     coefficients = damping_coefficients((term for term in terms if term not in modal), modes, request.amplitude)
-    written_laws = (
-        RayleighDamping(coefficients.alpha, coefficients.beta),
-        QuadraticDamping(coefficients.eta1, coefficients.eta2),
-        *modal,
-    )
-    ratios = SumOfLaws(written_laws).damping_ratios(modes, equal_speed_amplitudes(modes, request.amplitude))
+    rayleigh = RayleighDamping(coefficients.alpha, coefficients.beta)
+    written_law = SumOfLaws((rayleigh, QuadraticDamping(coefficients.eta1, coefficients.eta2), *modal))
+    ratios = written_law.damping_ratios(modes, equal_speed_amplitudes(modes, request.amplitude))
 
     def transition_matrix(mode: int, step: float) -> Array:
         blocks = map(_generalised_alpha, modes.angular_frequencies, ratios, [step] * modes.count)

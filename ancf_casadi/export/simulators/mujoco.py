@@ -51,9 +51,8 @@ class HingedChain(SimulatorBeam):
             width, thickness = beam.widths[k], beam.thicknesses[k]
             inertia, mass = beam.inertias[k], beam.masses[k]
             masses.append(mass)
-            inertias.append(
-                (mass * (width**2 + thickness**2) / 12, inertia, inertia + mass * (width**2 - thickness**2) / 12)
-            )
+            across, through = mass * width**2 / 12, mass * thickness**2 / 12
+            inertias.append((across + through, inertia, inertia + across - through))
             point_masses = [point_mass for segment, _, point_mass in beam.point_masses if segment == k]
             masses += [point_mass.mass for point_mass in point_masses]
             inertias += [(max(point_mass.rotary_inertia, MIN_POINT_INERTIA),) * 3 for point_mass in point_masses]

@@ -57,13 +57,9 @@ class LinkedBeam(SimulatorBeam):
     @property
     def air(self) -> tuple[Array, Array, Array]:
         """Force per velocity, force per velocity squared, and moment per rate of turn, of each link."""
-        coefficients = self.coefficients
-        mass_coefficients = coefficients.alpha * self.links.masses + coefficients.eta1 * self.beam.masses
-        return (
-            mass_coefficients,
-            coefficients.drag * self.beam.masses,
-            (coefficients.alpha + coefficients.eta1) * self.links.inertias,
-        )
+        coefficients, links, beam = self.coefficients, self.links, self.beam
+        linear = coefficients.alpha * links.masses + coefficients.eta1 * beam.masses
+        return linear, coefficients.drag * beam.masses, (coefficients.alpha + coefficients.eta1) * links.inertias
 
     @property
     def poses(self) -> Array:
@@ -73,12 +69,10 @@ class LinkedBeam(SimulatorBeam):
 
     def damping(self, mode: int) -> Array:
         """Return the damping matrix, with drag linearised at the amplitude of a mode."""
-        mass_coefficients, drag, turn_coefficients = self.air
-        coefficients = mass_coefficients + drag * np.linalg.norm(self.speeds(mode)[:, :2], axis=1)
-        return self.small_motion.damping(
-            np.column_stack([coefficients, coefficients, turn_coefficients]).ravel(),
-            self.coefficients.beta * self.beam.stiffness,
-        )
+        linear, drag, rotational = self.air
+        linear = linear + drag * np.linalg.norm(self.speeds(mode)[:, :2], axis=1)
+        at_links = np.column_stack([linear, linear, rotational]).ravel()
+        return self.small_motion.damping(at_links, self.coefficients.beta * self.beam.stiffness)
 
 
 def write_newton(

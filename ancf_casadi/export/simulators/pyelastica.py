@@ -78,9 +78,8 @@ class CosseratBeam(SimulatorBeam):
         positions = np.cumsum(np.column_stack([np.cos(angles), np.sin(angles)]) * beam.length, axis=0) + beam.origin
         node_inertias = np.column_stack([masses, masses, inertias]).ravel()
         guess = np.column_stack([positions, angles]).ravel()
-        return linearise_at_equilibrium(
-            cs.vec(q), cs.vec(q), node_inertias, turns, elastic, beam.gravity, nodes[:, -1], guess
-        )
+        q, tip = cs.vec(q), nodes[:, -1]
+        return linearise_at_equilibrium(q, q, node_inertias, turns, elastic, beam.gravity, tip, guess)
 
     @property
     def angles(self) -> Array:
@@ -90,12 +89,9 @@ class CosseratBeam(SimulatorBeam):
     def damping(self, mode: int) -> Array:
         """Return the damping matrix, with drag linearised at the amplitude of a mode."""
         drag = self.coefficients.drag * np.linalg.norm(self.speeds(mode)[:, :2], axis=1)
-        air_rate = self.coefficients.eta1 + drag
-        air_damping = air_rate * self.masses[1]
-        at_masses = (
-            self.coefficients.alpha * self.small_motion.inertias
-            + np.column_stack([air_damping, air_damping, 0.0 * air_damping]).ravel()
-        )
+        air = (self.coefficients.eta1 + drag) * self.masses[1]
+        at_masses = self.coefficients.alpha * self.small_motion.inertias
+        at_masses = at_masses + np.column_stack([air, air, 0.0 * air]).ravel()
         return self.small_motion.damping(at_masses, self.coefficients.beta * self.beam.stiffness)
 
 

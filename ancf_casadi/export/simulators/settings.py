@@ -112,14 +112,9 @@ class ExportedBeam(Displayed):
     def table(self) -> Table:
         """Return frequencies and damping ratios here and in the program."""
         columns = ("mode", "f_Hz", f"f_{self.format}_Hz", "error_%", "damping_ratio", f"ratio_{self.format}", "error_%")
-        cells: list[list[float | None]] = []
-        for exact, reached in (
-            (self.frequencies, self.reached_frequencies),
-            (self.damping_ratios, self.reached_damping_ratios),
-        ):
-            errors = [round(100 * (r / e - 1), 3) if e else None for e, r in zip(exact, reached, strict=True)]
-            cells += [exact.tolist(), reached.tolist(), errors]
-        rows = list(zip(range(1, len(self.frequencies) + 1), *cells, strict=True))
+        frequencies = _with_errors(self.frequencies, self.reached_frequencies)
+        ratios = _with_errors(self.damping_ratios, self.reached_damping_ratios)
+        rows = [(k, *f, *zeta) for k, (f, zeta) in enumerate(zip(frequencies, ratios, strict=True), start=1)]
         note = f"{self.segments} segments, steps of {self.step:g} s, tip amplitude {self.amplitude:.4g} m in mode 1"
         return Table(f"beam_{self.format}", f"Beam for {self.format}", columns, rows, (note,))
 
@@ -149,6 +144,12 @@ class ExportedBeam(Displayed):
     def _repr_html_(self) -> str:
         """Return the table and the warnings for a notebook."""
         return self.table()._repr_html_() + "".join(f"<p>note: {warning}</p>" for warning in self.warnings)
+
+
+def _with_errors(exact: Array, reached: Array) -> list[tuple[float, float, float | None]]:
+    """Return exact values, values in the program, and their relative errors, %."""
+    pairs = zip(exact.tolist(), reached.tolist(), strict=True)
+    return [(e, r, round(100 * (r / e - 1), 3) if e else None) for e, r in pairs]
 
 
 @dataclass(frozen=True)

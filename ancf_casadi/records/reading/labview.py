@@ -36,6 +36,7 @@ def read_lvm(file: BinaryIO, path: Path) -> Recording:
     with library_errors(str(path), "LVM"):
         for block in text_blocks(file, path):
             lines = [f"{line}\n" for line in decode_text(block).removesuffix("\n").split("\n")]
+            # the first marker ends the header of the file, each further one that of a segment
             segments += sum(line.startswith(END_OF_HEADER) for line in lines) - (not header)
             end = next((k for k, line in enumerate(lines, start=1) if line.startswith("X_Value")), len(lines))
             header, lines = header or lines[:end], lines[0 if header else end :]

@@ -70,9 +70,8 @@ def track_marks(cv2: Any, marks: Sequence[Mark], first: Picture, pictures: Itera
     for i, track in enumerate(tracks):
         for k, pose in track.items():
             points[k, i], std[k, i] = tracked_point(marks[i], pose), pose.std
-    median = np.array(
-        [np.median(mark_std[np.isfinite(mark_std)]) if np.isfinite(mark_std).any() else 0.0 for mark_std in std.T]
-    )
+    finite = [column[np.isfinite(column)] for column in std.T]
+    median = np.array([np.median(column) if len(column) else 0.0 for column in finite])
     points[std > MAX_STD * median] = np.nan
     std[0] = median  # its template is of this frame
     std = np.hypot(std, np.nan_to_num([_scatter(points[:, i]) for i in range(len(marks))]))
@@ -109,13 +108,11 @@ def _is_plausible(mark: Mark, pose: Pose, guess: Pose, reach: float, number: int
         return False
     if any(np.hypot(*(pose.centre - neighbour[number].centre)) <= mark.radius for neighbour in neighbours):
         return False
-    return (
-        not neighbours
-        or abs(
-            np.hypot(*(pose.centre - neighbours[0][number].centre)) - np.hypot(*(mark.place - neighbours[0][0].centre))
-        )
-        < reach
-    )
+    if not neighbours:
+        return True
+    nearest = neighbours[0]
+    distance, initial_distance = pose.centre - nearest[number].centre, mark.place - nearest[0].centre
+    return bool(abs(np.hypot(*distance) - np.hypot(*initial_distance)) < reach)
 
 
 def _predict_steady(track: Track, number: int) -> Pose:
@@ -143,13 +140,9 @@ def _predict_from_neighbours(tracks: Sequence[Track], i: int, number: int) -> Po
     visible = [track for track in tracks if last in track and number in track]
     if len(visible) < 2:
         return None
-    nearest, second_nearest = sorted(visible, key=lambda track: float(np.hypot(*(track[last].centre - pose.centre))))[
-        :2
-    ]
-    first_before, second_before, pose_point = (
-        complex(*point.centre) for point in (nearest[last], second_nearest[last], pose)
-    )
-    first_now, second_now = (complex(*point.centre) for point in (nearest[number], second_nearest[number]))
-    turn = (second_now - first_now) / (second_before - first_before)
-    place = first_now + turn * (pose_point - first_before)
+    a, b, *_ = sorted(visible, key=lambda track: float(np.hypot(*(track[last].centre - pose.centre))))
+    a_last, b_last, last_place = (complex(*p.centre) for p in (a[last], b[last], pose))
+    a_now, b_now = (complex(*p.centre) for p in (a[number], b[number]))
+    turn = (b_now - a_now) / (b_last - a_last)
+    place = a_now + turn * (last_place - a_last)
     return Pose(np.array([place.real, place.imag]), pose.angle + float(np.angle(turn)))

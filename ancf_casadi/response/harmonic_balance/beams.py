@@ -131,10 +131,8 @@ def reduced_system(reduced: Reduction, place: PointLoad = TIP, *, tuned: bool = 
     elastic modulus, with the forces diag((c_k^2 - 1) w_k^2) q + (E - 1) dU/dq.
     """
     m, model, projection = reduced.count, reduced.model, reduced.projection
-    equilibrium, parameters = (
-        reduced.modes.equilibrium.coordinates,
-        system_parameters(reduced_parameters(reduced), reduced.law),
-    )
+    equilibrium = reduced.modes.equilibrium.coordinates
+    parameters = system_parameters(reduced_parameters(reduced), reduced.law)
     if tuned:
         factors = [
             Parameter(f"frequency_{k}", 1.0, "1", f"factor on the frequency of mode {k}") for k in range(1, m + 1)
@@ -164,9 +162,7 @@ def _reduced_functions(reduced: Reduction, place: PointLoad, tuned: bool, sample
     unit_vectors = [cs.DM.zeros(m, samples) for _ in range(m)]
     for k, unit_vector in enumerate(unit_vectors):
         unit_vector[k, :] = 1.0
-    matrices = [
-        cs.vertcat(*(cs.jtimes(balance, symbol, unit_vector) for unit_vector in unit_vectors)) for symbol in coordinates
-    ]
+    matrices = [cs.vertcat(*(cs.jtimes(balance, x, unit) for unit in unit_vectors)) for x in coordinates]
     excitation_forces = [cs.jtimes(balance, u, direction) for direction in directions]
     powers = [cs.sum1(velocity * damping), supplied_power]
     return SampledFunctions.of([*coordinates, u, p, *directions], balance, [*matrices, *excitation_forces], powers)
@@ -201,12 +197,11 @@ def _is_symmetric(model: Model, law: DampingLaw, equilibrium: Array) -> bool:
     gx, gy = np.array(beam.gravity) / (np.hypot(*beam.gravity) or 1.0)
     sliding_directions = np.array([item.sliding for item in beam.supports if item.sliding]).reshape(-1, 2).T
     coefficient_pairs = [item.stiffness if isinstance(item, Spring) else item.coefficient
-             for item in beam.attachments if isinstance(item, Spring | Dashpot)]  # fmt: skip
+                         for item in beam.attachments if isinstance(item, Spring | Dashpot)]  # fmt: skip
     flow_across = [(ax * load.force[1] - ay * load.force[0]) / math.hypot(*load.force) for load in law.loads(beam)]
     across = [*(ax * y - ay * x), ax * gy - ay * gx, *flow_across]
-    oblique_slides = (ax * sliding_directions[0] + ay * sliding_directions[1]) * (
-        ax * sliding_directions[1] - ay * sliding_directions[0]
-    )
+    sx, sy = sliding_directions
+    oblique_slides = (ax * sx + ay * sy) * (ax * sy - ay * sx)
     anisotropy = [(pair[0] - pair[1]) / max(pair) * ax * ay for pair in coefficient_pairs if any(pair)]
     return bool(np.abs([*across, *oblique_slides, *anisotropy]).max() <= STRAIGHT)
 

@@ -183,9 +183,8 @@ class Point:
             right[: family.balance.allowed.sum()] = residual[family.balance.allowed]
             return family.split(family.scale * self.solve(right))[0]
 
-        return estimate_errors(
-            family.balance, self.coefficients, self.setting, self.linear.matrices, family.size, shift
-        )
+        matrices = self.linear.matrices
+        return estimate_errors(family.balance, self.coefficients, self.setting, matrices, family.size, shift)
 
     @cached_property
     def multipliers(self) -> ComplexArray:
@@ -239,9 +238,8 @@ def solve(family: Family, guess: Array, row: Array, nearby: Point | None = None)
     for _ in range(30):
         gap = row @ ((z - guess) / scale)
         residual = family.turn_vector(derivatives.z, z, family.residual(z), "back")
-        step = (
-            -family.turn_vector(derivatives.z, z, scale * derivatives.solve(np.append(residual, gap)), "forth") / scale
-        )
+        correction = scale * derivatives.solve(np.append(residual, gap))
+        step = -family.turn_vector(derivatives.z, z, correction, "forth") / scale
         length = float(np.abs(step).max())
         if not np.isfinite(length) or (is_fresh and length > LARGEST_NEWTON_STEP):
             raise NotFound

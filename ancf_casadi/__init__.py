@@ -2,7 +2,7 @@
 
 from typing import TYPE_CHECKING
 
-from ancf_casadi.support.lazy import on_first_use
+from ancf_casadi.support.lazy import lazy_exports
 from ancf_casadi.version import __version__ as __version__
 
 if TYPE_CHECKING:
@@ -62,7 +62,7 @@ if TYPE_CHECKING:
     from ancf_casadi.records.measurement import Measurement as Measurement
     from ancf_casadi.records.recording import read_recording as read_recording
     from ancf_casadi.records.sensor import Sensor as Sensor
-    from ancf_casadi.records.video.recorded import track_video as track_video
+    from ancf_casadi.records.video.recording import track_video as track_video
     from ancf_casadi.reduction import ReducedModel as ReducedModel
     from ancf_casadi.reduction import ReducedTrajectory as ReducedTrajectory
     from ancf_casadi.reduction import reduce_model as reduce_model
@@ -90,4 +90,4 @@ if TYPE_CHECKING:
     from ancf_casadi.vibration.paths import equilibrium_path as equilibrium_path
     from ancf_casadi.vibration.statics import static_equilibrium as static_equilibrium
 else:
-    __getattr__, __dir__, __all__ = on_first_use(__name__)
+    __getattr__, __dir__, __all__ = lazy_exports(__name__)

@@ -1,6 +1,6 @@
 """Figures of records, fits, motions and properties, drawn without a display.
 
-Each function returns a matplotlib ``Figure``; ``rendered`` converts a figure to the content of a PNG, SVG or PDF file.
+Each function returns a matplotlib ``Figure``; ``figure_bytes`` converts a figure to a PNG, SVG or PDF file.
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure, SubFigure
 from numpy.typing import ArrayLike
 
+from ancf_casadi.beam_symbols import draw_loads, draw_symbols
 from ancf_casadi.decay.envelope import DampingCurve, LawCurve, draw_against_amplitude
 from ancf_casadi.decay.spectrum import power_spectrum
 from ancf_casadi.dynamics.damped_modes import DampedModes
@@ -25,20 +26,19 @@ from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.beam import Beam
 from ancf_casadi.mechanics.lumped import PROPERTIES
 from ancf_casadi.mechanics.model import Model
-from ancf_casadi.set_up import draw_loads, draw_set_up
 from ancf_casadi.support.arrays import Array
-from ancf_casadi.support.figures import COMPUTED, MEASURED, SERIES, literal_text, prefixed
+from ancf_casadi.support.figures import COMPUTED, MEASURED, SERIES, literal_text, si_prefix
 from ancf_casadi.vibration.equilibrium import Equilibrium
 from ancf_casadi.vibration.modes import Modes
 from ancf_casadi.vibration.paths import EquilibriumPath
 
-DATE_FIELDS = {".png": "Software", ".svg": "Date", ".pdf": "CreationDate"}  # metadata that would change from run to run
-DOTS_PER_INCH = 130  # dots per inch
-DRAWN_SHARE = 0.15  # largest displacement in a drawn mode, relative to the length of the beam
-PLOT_COLUMNS = 600  # of a record that is drawn by its extremes
+DATE_FIELDS = {".png": "Software", ".svg": "Date", ".pdf": "CreationDate"}  # metadata that would differ between runs
+DOTS_PER_INCH = 130
+SHAPE_SHARE = 0.15  # largest displacement in a drawn mode, relative to the length of the beam
+PLOT_COLUMNS = 600  # intervals of a long record, each drawn by its extremes
 
 
-def rendered(figure: Figure, suffix: str = ".png") -> bytes:
+def figure_bytes(figure: Figure, suffix: str = ".png") -> bytes:
     """Return the content of a PNG, SVG or PDF file with a figure, identical for identical figures."""
     kind = suffix.lower()
     if kind not in DATE_FIELDS:
@@ -91,22 +91,22 @@ def decay_modes_figure(
     over_time, below, lowest = figure.subfigures(3, 1, squeeze=False, height_ratios=(1.2, 1, 1)).ravel()
     _draw_fit(over_time, below, time, measured, lambda t: np.interp(np.asarray(t, dtype=float), time, fitted),
               "; ".join(amplitudes), unit)  # fmt: skip
-    spectrum, each = lowest.subplots(1, 2)
+    spectrum_axes, amplitude_axes = lowest.subplots(1, 2)
     end = 2 * max(frequencies)
     for values, label, colour in ((measured, "record", MEASURED), (measured - fitted, "record less fit", COMPUTED)):
         frequency, power = power_spectrum(time, values - values.mean())
-        shown = (frequency > 0.0) & (frequency <= end)
-        spectrum.semilogy(frequency[shown], np.sqrt(power[shown]), lw=0.8, color=colour,
+        in_range = (frequency > 0.0) & (frequency <= end)
+        spectrum_axes.semilogy(frequency[in_range], np.sqrt(power[in_range]), lw=0.8, color=colour,
                           label=label)  # fmt: skip
-    for place in frequencies:
-        spectrum.axvline(place, ls=":", lw=0.8, color=MEASURED)
-    spectrum.set(xlabel="frequency, Hz", ylabel="spectrum", yticks=[])
-    spectrum.legend(frameon=False, fontsize="small")
-    size, name = prefixed(float(np.abs(measured).max()), unit)
+    for mode_frequency in frequencies:
+        spectrum_axes.axvline(mode_frequency, ls=":", lw=0.8, color=MEASURED)
+    spectrum_axes.set(xlabel="frequency, Hz", ylabel="spectrum", yticks=[])
+    spectrum_axes.legend(frameon=False, fontsize="small")
+    size, name = si_prefix(float(np.abs(measured).max()), unit)
     for (label, amplitude), (tint, *_) in zip(amplitudes.items(), itertools.cycle(SERIES)):
-        each.semilogy(time, amplitude / size, color=tint, label=label)
-    each.set(xlabel="time, s", ylabel=f"amplitude of each mode, {name}" if name else "amplitude of each mode")
-    each.legend(frameon=False, fontsize="small")
+        amplitude_axes.semilogy(time, amplitude / size, color=tint, label=label)
+    amplitude_axes.set(xlabel="time, s", ylabel=f"amplitude of each mode, {name}" if name else "amplitude of each mode")
+    amplitude_axes.legend(frameon=False, fontsize="small")
     return figure
 
 
@@ -122,30 +122,30 @@ def _draw_fit(
     """Draw a record and a fit, and below the residuals and their autocorrelation."""
     fitted = curve(time)
     turns = np.flatnonzero(np.diff(np.sign(fitted - np.median(fitted))))
-    many = len(turns) > 2 * 40  # half periods; fewer are drawn in full
-    size, name = prefixed(float(np.abs(measured).max()), unit)
-    plots = figure.subplots(1, 2, width_ratios=(3, 2), sharey=True) if many else [figure.subplots()]
-    if many:
+    is_long = len(turns) > 2 * 40  # half periods; fewer are drawn in full
+    size, name = si_prefix(float(np.abs(measured).max()), unit)
+    plots = figure.subplots(1, 2, width_ratios=(3, 2), sharey=True) if is_long else [figure.subplots()]
+    if is_long:
         columns = min(PLOT_COLUMNS, len(turns) // 2)  # a period or more in each
         plots[0].fill_between(*_extremes(time, measured / size, columns), color=MEASURED, alpha=0.35, lw=0,
                               label="record, extremes")  # fmt: skip
         begins, *lines = _extremes(time, fitted / size, columns)
         for line, label in zip(lines, (None, "fit, extremes"), strict=True):
             plots[0].plot(begins, line, lw=1, color=COMPUTED, label=label)
-    end = time[turns[2 * 8]] if many else time[-1]  # the periods drawn beside the extremes
-    shown = time <= end
-    fine = np.linspace(time[0], end, 4000)  # points of a drawn curve
-    plots[-1].plot(time[shown], measured[shown] / size, ".", ms=3, color=MEASURED, label="record")
-    plots[-1].plot(fine, curve(fine) / size, lw=1, color=COMPUTED, label="fit")
+    end = time[turns[2 * 8]] if is_long else time[-1]  # the periods drawn beside the extremes
+    in_range = time <= end
+    fine_times = np.linspace(time[0], end, 4000)  # points of a drawn curve
+    plots[-1].plot(time[in_range], measured[in_range] / size, ".", ms=3, color=MEASURED, label="record")
+    plots[-1].plot(fine_times, curve(fine_times) / size, lw=1, color=COMPUTED, label="fit")
     for axes in plots:
         axes.set(xlabel="time, s")
     plots[0].legend(frameon=False, fontsize="small", loc="upper right")
     plots[0].set(ylabel=f"record, {name}" if name else "record")
     if title:
         figure.suptitle(title, fontsize="medium")
-    remainder, correlation = below.subplots(1, 2)
-    _draw_residuals(remainder, time, measured - fitted, unit)
-    draw_autocorrelation(correlation, measured - fitted)
+    residual_axes, correlation_axes = below.subplots(1, 2)
+    _draw_residuals(residual_axes, time, measured - fitted, unit)
+    draw_autocorrelation(correlation_axes, measured - fitted)
 
 
 def _extremes(time: Array, values: Array, columns: int) -> tuple[Array, Array, Array]:
@@ -155,8 +155,8 @@ def _extremes(time: Array, values: Array, columns: int) -> tuple[Array, Array, A
 
 
 def _draw_residuals(axes: Axes, time: Array, residuals: Array, unit: str) -> None:
-    """Draw residuals over time; of many samples, the extremes."""
-    size, name = prefixed(float(np.abs(residuals).max()), unit)
+    """Draw residuals over time; if there are many samples, their extremes."""
+    size, name = si_prefix(float(np.abs(residuals).max()), unit)
     if len(time) > 2 * PLOT_COLUMNS:
         axes.fill_between(*_extremes(time, residuals / size, PLOT_COLUMNS), color=MEASURED, lw=0)
     else:
@@ -168,8 +168,8 @@ def _draw_residuals(axes: Axes, time: Array, residuals: Array, unit: str) -> Non
 def motion_figure(runs: Mapping[str, Motion]) -> Figure:
     """Draw the motion of the tip relative to the clamp over time, and shapes of the beam at twelve instants, by label.
 
-    The motion is the change of the horizontal and of the vertical position since the start.  Of several runs, only the
-    shapes at the start and at the end are drawn.
+    The motion is the change of the horizontal and of the vertical position since the start.  With several runs, only
+    the shapes at the start and at the end are drawn.
     """
     if not all(len(run.time) for run in runs.values()):
         raise InputError("the motion has no samples", "figure")
@@ -192,25 +192,26 @@ def motion_figure(runs: Mapping[str, Motion]) -> Figure:
 
 
 def line_styles(results: Mapping[str, object]) -> list[tuple[str, Any]]:
-    """Return colour and dashes of each result: those of a computed curve if there is only one."""
+    """Return colour and dashes of each result; a single result is drawn as a computed curve."""
     return [(COMPUTED, "-")] if len(results) == 1 else [line[:2] for line in SERIES * len(results)]
 
 
 def _draw_shapes(axes: Axes, runs: Mapping[str, Motion]) -> None:
-    """Draw beams at equally spaced instants: the first dashed, the last bold, those between thin."""
+    """Draw beams at equally spaced instants: the first dashed, the last bold, the others thin."""
     for (label, run), (colour, dash) in zip(runs.items(), line_styles(runs), strict=False):
-        last, alone = len(run.time) - 1, len(runs) == 1
-        rows = np.unique(np.linspace(0, last, 12 if alone else 2).astype(int)).tolist()
+        last, is_single = len(run.time) - 1, len(runs) == 1
+        rows = np.unique(np.linspace(0, last, 12 if is_single else 2).astype(int)).tolist()
         styles: dict[int, dict[str, Any]] = {row: {"lw": 0.6, "alpha": 0.5} for row in rows}
         styles |= {last: {"lw": 2.0, "ls": dash}, 0: {"lw": 1.2, "ls": "--"}}
         for row in rows:
             name = f"{label}, " if label else ""
-            axes.plot(*_shape(run.model, run.state(row).coordinates), color=MEASURED if alone and row == 0 else colour,
+            row_colour = MEASURED if is_single and row == 0 else colour
+            axes.plot(*_shape(run.model, run.state(row).coordinates), color=row_colour,
                       label=f"{name}at {run.time[row]:.4g} s" if row in (0, last) else None, **styles[row])  # fmt: skip
-        draw_set_up(axes, run.model, run.state(-1).coordinates)
+        draw_symbols(axes, run.model, run.state(-1).coordinates)
     draw_plane(axes)
     axes.set_title(f"shape of the beam at {len(rows)} instants", fontsize="medium")
-    axes.figure.legend(frameon=False, fontsize="small", loc="outside lower center", ncols=3 if alone else 2)
+    axes.figure.legend(frameon=False, fontsize="small", loc="outside lower center", ncols=3 if is_single else 2)
 
 
 def _shape(model: Model, coordinates: Array) -> Array:
@@ -228,14 +229,16 @@ def draw_plane(axes: Axes) -> None:
 
 @literal_text
 def equilibrium_figure(equilibria: Mapping[str, Equilibrium]) -> Figure:
-    """Draw the beam at rest and without load, by label, with supports, attachments and forces."""
+    """Draw the beam in equilibrium and without load, by label, with supports, attachments and forces."""
     figure = Figure(figsize=(6.4, 5.6), layout="constrained")
     axes = figure.subplots()
-    for (label, rest), (colour, dash) in zip(equilibria.items(), line_styles(equilibria), strict=False):
-        axes.plot(*_shape(rest.model, rest.model.straight), color=MEASURED, ls=":", lw=0.8)
-        axes.plot(*_shape(rest.model, rest.coordinates), color=colour, ls=dash, lw=2.0, label=label or "at rest")
-        draw_set_up(axes, rest.model, rest.coordinates)
-        draw_loads(axes, rest.model, rest.coordinates, rest.all_loads)
+    for (label, equilibrium), (colour, dash) in zip(equilibria.items(), line_styles(equilibria), strict=False):
+        axes.plot(*_shape(equilibrium.model, equilibrium.model.straight), color=MEASURED, ls=":", lw=0.8)
+        axes.plot(
+            *_shape(equilibrium.model, equilibrium.coordinates), color=colour, ls=dash, lw=2.0, label=label or "at rest"
+        )
+        draw_symbols(axes, equilibrium.model, equilibrium.coordinates)
+        draw_loads(axes, equilibrium.model, equilibrium.coordinates, equilibrium.all_loads)
     axes.lines[0].set_label("without load")
     draw_plane(axes)
     figure.legend(frameon=False, fontsize="small", loc="outside lower center", ncols=4)
@@ -287,19 +290,19 @@ def damped_modes_figure(results: Mapping[str, DampedModes]) -> Figure:
 def modes_figure(results: Mapping[str, Modes]) -> Figure:
     """Draw the lowest ten mode shapes on both sides of the equilibrium, by label."""
     first = next(iter(results.values()))
-    rest = _shape(first.model, first.equilibrium.coordinates).T
-    shown = min(max(modes.count for modes in results.values()), 10)
-    lies = np.ptp(rest[:, 0]) > np.ptp(rest[:, 1])
-    columns, width, height = (2, 4.2, 1.7) if lies else (5, 1.8, 3.2)
-    columns = min(shown, columns)
-    rows = -(-shown // columns)
+    equilibrium_shape = _shape(first.model, first.equilibrium.coordinates).T
+    mode_count = min(max(modes.count for modes in results.values()), 10)
+    is_horizontal = np.ptp(equilibrium_shape[:, 0]) > np.ptp(equilibrium_shape[:, 1])
+    columns, width, height = (2, 4.2, 1.7) if is_horizontal else (5, 1.8, 3.2)
+    columns = min(mode_count, columns)
+    rows = -(-mode_count // columns)
     figure = Figure(figsize=(1.0 + width * columns, 0.4 + height * rows), layout="constrained")
     plots = figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False).ravel()
     for k, axes in enumerate(plots):
-        axes.set_visible(k < shown)
-        if k < shown:
+        axes.set_visible(k < mode_count)
+        if k < mode_count:
             _draw_mode(axes, k, results)
-            if k + columns >= shown:  # nothing below
+            if k + columns >= mode_count:  # nothing below
                 axes.tick_params(labelbottom=True)
                 axes.set(xlabel="x, mm")
     for axes in plots[::columns]:
@@ -314,61 +317,67 @@ def _draw_mode(axes: Axes, k: int, results: Mapping[str, Modes]) -> None:
     for (label, modes), (colour, dash) in zip(results.items(), line_styles(results), strict=False):
         if k >= modes.count:
             continue
-        rest, shape = modes.equilibrium.coordinates, drawn_shape(modes, k)
-        axes.plot(*_shape(modes.model, rest), ls=":", lw=0.8, color=MEASURED)
-        draw_set_up(axes, modes.model, rest)
+        equilibrium, shape = modes.equilibrium.coordinates, scaled_shape(modes, k)
+        axes.plot(*_shape(modes.model, equilibrium), ls=":", lw=0.8, color=MEASURED)
+        draw_symbols(axes, modes.model, equilibrium)
         for side, width in ((1.0, 1.5), (-1.0, 0.5)):
-            axes.plot(*_shape(modes.model, rest + side * shape), lw=width, color=colour, ls=dash,
+            axes.plot(*_shape(modes.model, equilibrium + side * shape), lw=width, color=colour, ls=dash,
                       label=label if label and side > 0.0 else None)  # fmt: skip
     values = ", ".join(f"{modes.frequencies[k]:.4g}" for modes in results.values() if k < modes.count)
     axes.set_title(f"mode {k + 1}: {values} Hz", fontsize=9)
     axes.set(aspect="equal")
 
 
-def drawn_shape(modes: Modes, k: int) -> Array:
-    """Return the shape of mode k, from 0, in nodal coordinates (4 n + 4,), of the size in which it is drawn."""
+def scaled_shape(modes: Modes, k: int) -> Array:
+    """Return the shape of mode k, from 0, in nodal coordinates (4 n + 4,), scaled for a figure."""
     size = np.linalg.norm(_shape(modes.model, modes.shapes[:, k]), axis=0).max()
-    return np.asarray(1e3 * DRAWN_SHARE * modes.model.beam.length / size * modes.shapes[:, k])
+    return np.asarray(1e3 * SHAPE_SHARE * modes.model.beam.length / size * modes.shapes[:, k])
 
 
 @literal_text
-def match_figure(targets: Array, standard: Array, matched: Array, given: Beam, found: Beam,
+def match_figure(targets: Array, standard: Array, matched: Array, initial_beam: Beam, matched_beam: Beam,
                  ranges: Mapping[str, Array]) -> Figure:  # fmt: skip
     """Draw the deviations of natural frequencies (Hz) from their targets, and below the changes of the properties."""
     figure = Figure(figsize=(8, 3.4 + 1.6 * len(ranges)), layout="constrained")
-    above, below = figure.subfigures(2, 1, squeeze=False, height_ratios=(2.2, 1.2 + 1.6 * len(ranges))).ravel()
-    axes, places = above.subplots(), np.arange(len(targets))
-    for frequencies, label, colour, mark in (
+    frequency_panel, property_panel = figure.subfigures(
+        2, 1, squeeze=False, height_ratios=(2.2, 1.2 + 1.6 * len(ranges))
+    ).ravel()
+    axes, places = frequency_panel.subplots(), np.arange(len(targets))
+    for frequencies, label, colour, marker in (
         (standard, "given beam", MEASURED, "x"),
         (matched, "matched", COMPUTED, "o"),
     ):
-        axes.plot(places, 100 * (frequencies / targets - 1), mark, color=colour, label=label)
+        axes.plot(places, 100 * (frequencies / targets - 1), marker, color=colour, label=label)
     axes.axhline(0.0, ls=":", lw=0.8, color=MEASURED)
     axes.set(ylabel="deviation, %", xlabel="measured frequency", xticks=places,
              xticklabels=[f"{target:.5g} Hz" for target in targets])  # fmt: skip
     axes.legend(frameon=False, loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=2)
-    _draw_properties(below, given, found, ranges)
+    _draw_properties(property_panel, initial_beam, matched_beam, ranges)
     return figure
 
 
 @literal_text
-def properties_figure(given: Beam, found: Beam, ranges: Mapping[str, Array], width: float = 8.0) -> Figure:
+def properties_figure(
+    initial_beam: Beam, matched_beam: Beam, ranges: Mapping[str, Array], width: float = 8.0
+) -> Figure:
     """Draw the relative change of the properties along a beam, and the ranges that fit equally well.
 
     ``ranges`` holds the lowest and highest relative change of each element, (n, 2), or of all elements, (1, 2), of each
     property to draw; the figure is ``width`` inches wide.
     """
     figure = Figure(figsize=(width, 1.2 + 1.6 * len(ranges)), layout="constrained")
-    _draw_properties(figure, given, found, ranges)
+    _draw_properties(figure, initial_beam, matched_beam, ranges)
     return figure
 
 
-def _draw_properties(figure: Figure | SubFigure, given: Beam, found: Beam, ranges: Mapping[str, Array]) -> None:
-    edges = 1e3 * np.linspace(0.0, found.length, found.elements + 1)
+def _draw_properties(
+    figure: Figure | SubFigure, initial_beam: Beam, matched_beam: Beam, ranges: Mapping[str, Array]
+) -> None:
+    edges = 1e3 * np.linspace(0.0, matched_beam.length, matched_beam.elements + 1)
     plots = figure.subplots(len(ranges), 1, sharex=True, squeeze=False).ravel()
     for axes, name in zip(plots, (name for name in PROPERTIES if name in ranges), strict=True):
-        change = 100 * (np.array(getattr(found, name)) / np.array(getattr(given, name)) - 1)
-        low, high = 100 * np.broadcast_to(ranges[name], (found.elements, 2)).T
+        change = 100 * (np.array(getattr(matched_beam, name)) / np.array(getattr(initial_beam, name)) - 1)
+        low, high = 100 * np.broadcast_to(ranges[name], (matched_beam.elements, 2)).T
         axes.fill_between(edges, np.append(low, low[-1]), np.append(high, high[-1]), step="post", color=COMPUTED,
                           alpha=0.2, lw=0, label="fits equally well")  # fmt: skip
         axes.stairs(change, edges, baseline=None, color=COMPUTED, lw=1.5, label="matched")

@@ -14,7 +14,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from ancf_casadi import Beam, Model, PointLoad, RayleighDamping, Sensor, Trajectory, simulate
-from ancf_casadi.plot import rendered
+from ancf_casadi.plot import figure_bytes
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.figures import COMPUTED, MEASURED
 from problems import BeamFit, FrequencyRecord, MarkerRecord, StaticRecord, fit_beam, fit_decay
@@ -318,4 +318,4 @@ if __name__ == "__main__":
     for table in tables:
         print(*table, "", sep="\n", flush=True)
     for name, figure in figures.items():
-        (HERE / f"measured_{name}.png").write_bytes(rendered(figure))
+        (HERE / f"measured_{name}.png").write_bytes(figure_bytes(figure))

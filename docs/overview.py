@@ -11,7 +11,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from ancf_casadi import HarmonicBase, ModalDamping, Model, natural_modes, simulate
-from ancf_casadi.plot import rendered
+from ancf_casadi.plot import figure_bytes
 from ancf_casadi.support.figures import MEASURED, plain_log_ticks
 from problems.paper.inputs import STANDARD_BEAM
 from problems.study.drawing import series
@@ -54,5 +54,5 @@ def overview(results: dict) -> Figure:
 if __name__ == "__main__":
     folder = Path(sys.argv[1])
     (Path(__file__).parent / "overview.png").write_bytes(
-        rendered(overview(json.loads((folder / "results.json").read_text())))
+        figure_bytes(overview(json.loads((folder / "results.json").read_text())))
     )

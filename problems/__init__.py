@@ -2,7 +2,7 @@
 
 from typing import TYPE_CHECKING
 
-from ancf_casadi.support.lazy import on_first_use
+from ancf_casadi.support.lazy import lazy_exports
 
 if TYPE_CHECKING:
     from ancf_casadi.estimation.comparison import LawComparison as LawComparison
@@ -58,4 +58,4 @@ if TYPE_CHECKING:
     from problems.study.study import StudyReport as StudyReport
     from problems.study.study import run_study as run_study
 else:
-    __getattr__, __dir__, __all__ = on_first_use(__name__)
+    __getattr__, __dir__, __all__ = lazy_exports(__name__)

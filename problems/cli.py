@@ -183,7 +183,7 @@ def _run(arguments: Sequence[str] | None) -> int:
             options = _parsed(arguments)
             written = options.unfinished
             from ancf_casadi.support.progress import counter  # slow to import, for a help text
-            from ancf_casadi.support.tables import to_json, wrapped
+            from ancf_casadi.support.tables import to_json, wrap_report
 
             with counter(options.title):
                 output: Output = options.run(options)
@@ -196,7 +196,7 @@ def _run(arguments: Sequence[str] | None) -> int:
         except Exception as error:
             return _stopped(noted, written) if noted else _reported(error)
     if not options.json:
-        text = _printable(wrapped(text if failures else text + output.closing))
+        text = _printable(wrap_report(text if failures else text + output.closing))
     if text:
         print(text, flush=True)
     return max([_reported(failure) for failure in failures], default=0)

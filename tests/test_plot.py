@@ -8,7 +8,7 @@ import pytest
 
 from ancf_casadi import Beam, HarmonicBase, Model, Trajectory, simulate
 from ancf_casadi.exceptions import InputError
-from ancf_casadi.plot import properties_figure, rendered
+from ancf_casadi.plot import figure_bytes, properties_figure
 
 
 @pytest.fixture(scope="module")
@@ -49,7 +49,7 @@ def test_the_shapes_of_a_motion_figure_tell_start_and_end_without_colour(motion)
     ("suffix", "begins"), [(".png", b"\x89PNG"), (".svg", b"<?xml"), (".pdf", b"%PDF-"), (".PDF", b"%PDF-")]
 )
 def test_the_suffix_names_the_format_and_the_bytes_are_the_same_each_time(motion, suffix, begins):
-    first, second = (rendered(motion.figure(), suffix) for _ in range(2))
+    first, second = (figure_bytes(motion.figure(), suffix) for _ in range(2))
     assert first.startswith(begins)
     assert first == second
 
@@ -57,7 +57,7 @@ def test_the_suffix_names_the_format_and_the_bytes_are_the_same_each_time(motion
 @pytest.mark.parametrize("suffix", ["", ".jpg", "png"])
 def test_another_format_is_refused(motion, suffix):
     with pytest.raises(InputError, match=r"figure: must end in \.png, \.svg, \.pdf"):
-        rendered(motion.figure(), suffix)
+        figure_bytes(motion.figure(), suffix)
 
 
 @pytest.mark.slow

@@ -24,9 +24,9 @@ from matplotlib.patheffects import withStroke
 from PIL import Image
 
 from ancf_casadi.animation.footage import Footage
+from ancf_casadi.beam_symbols import draw_gravity, draw_symbols
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.plot import draw_plane, line_styles
-from ancf_casadi.set_up import draw_gravity, draw_set_up
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.figures import MEASURED, literal_text
 from ancf_casadi.support.progress import count_step
@@ -192,7 +192,7 @@ def _draw_symbols(axes: Axes, beam: DrawnBeam, moves: Movements) -> None:
     """Draw supports and attachments, which move with their points, and turn with the base if they do not slide."""
     straight = beam.model.straight
     turn = np.nan_to_num(np.arctan2(*beam.coordinates[:, [3, 2]].T) - math.atan2(straight[3], straight[2]))
-    for component, line, style in draw_set_up(axes, beam.model, straight):
+    for component, line, style in draw_symbols(axes, beam.model, straight):
         _move(moves, line, 1e3 * (beam.coordinates @ beam.model.interpolation(component.point).T)[:, None])
         if not getattr(component, "sliding", None):
             moves.append((line, partial(_turn, line, style, turn + getattr(component, "angle", 0.0))))

@@ -35,10 +35,10 @@ from ancf_casadi.animation.footage import Footage
 from ancf_casadi.dynamics.trajectory import Motion
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.nodes import NODE
-from ancf_casadi.plot import DRAWN_SHARE, drawn_shape
+from ancf_casadi.plot import SHAPE_SHARE, scaled_shape
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.figures import COMPUTED, MEASURED, SERIES
-from ancf_casadi.support.files import filled_template
+from ancf_casadi.support.files import fill_template
 from ancf_casadi.support.inputs import (
     array,
     check_instance,
@@ -142,13 +142,13 @@ def moving_modes(
     for k in mode_indices:
         beams = {}
         for label, result in results.items():
-            coordinates = result.equilibrium.coordinates + swing[:, None] * drawn_shape(result, k)
+            coordinates = result.equilibrium.coordinates + swing[:, None] * scaled_shape(result, k)
             tip = coordinates @ result.model.interpolation(result.reference_points[k]).T
             beams[label] = DrawnBeam(result.model, coordinates, [np.broadcast_to(tip, (count, *tip.shape))])
         values = [float(result.frequencies[k]) for result in results.values()]
         tempo = f"\n{_tempo(count * delay * values[0])}" if len(values) == 1 and values[0] > 1e-3 else ""
         panels.append((f"mode {k + 1}: {', '.join(f'{value:.4g}' for value in values)} Hz{tempo}", beams))
-    clock = [f"exaggerated to {100 * DRAWN_SHARE:g} % of the length"] * count
+    clock = [f"exaggerated to {100 * SHAPE_SHARE:g} % of the length"] * count
     with counter("animation"):
         return encode_pictures(pictures(Film(panels, clock)), suffix, delay)
 
@@ -263,7 +263,7 @@ def _html_page(first: Image.Image, pictures: Iterator[Image.Image], delay: float
         "kind": f"image/{kind.lower()}",
     }
     contents = ",".join(f'"{text}"' for text in texts)
-    return filled_template("ancf_casadi.animation", "player.html.jinja", values | {"pictures": contents}).encode()
+    return fill_template("ancf_casadi.animation", "player.html.jinja", values | {"pictures": contents}).encode()
 
 
 def _ffmpeg() -> str:

@@ -38,7 +38,7 @@ from ancf_casadi.damping.law import (
     weighted_sum,
 )
 from ancf_casadi.support.arrays import Array
-from ancf_casadi.support.inputs import check_instance, keep_checked, not_negative, positive
+from ancf_casadi.support.inputs import check_fields, check_instance, not_negative, positive
 from ancf_casadi.vibration.modes import Modes
 
 FRICTION_CONSTANT = 52 / 81  # exact: int S^2 dp / int S dp for the shape S of Eq. (21)
@@ -80,7 +80,7 @@ class FrictionDamping(DampingLaw):
 
     def __post_init__(self) -> None:
         """Validate."""
-        keep_checked(self, eta0=not_negative, smoothing_speed=positive)
+        check_fields(self, eta0=not_negative, smoothing_speed=positive)
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:

@@ -15,7 +15,7 @@ import numpy as np
 
 from ancf_casadi.damping.law import DampingLaw, Forces, Parameter, S, nonzero, weighted_sum
 from ancf_casadi.support.arrays import Array
-from ancf_casadi.support.inputs import check_instance, choice, keep_checked, not_negative
+from ancf_casadi.support.inputs import check_fields, check_instance, choice, not_negative
 from ancf_casadi.vibration.modes import Modes
 
 ProportionalStiffness = Literal["strain-rate", "tangent", "reference"]
@@ -61,7 +61,7 @@ class RayleighDamping(DampingLaw):
 
     def __post_init__(self) -> None:
         """Validate."""
-        keep_checked(self, alpha=not_negative, beta=not_negative)
+        check_fields(self, alpha=not_negative, beta=not_negative)
         choice(self.stiffness, get_args(ProportionalStiffness), "stiffness")
         if self.stiffness == "reference" and self.beta > 0.0:
             message = "damping proportional to the reference stiffness is not objective: it resists large rotations"

@@ -50,7 +50,7 @@ from ancf_casadi.mechanics.beam import Beam
 from ancf_casadi.mechanics.loads import LineLoad
 from ancf_casadi.mechanics.section import masses_per_length
 from ancf_casadi.support.arrays import Array
-from ancf_casadi.support.inputs import check_instance, keep_checked, not_negative, positive, sized_vector
+from ancf_casadi.support.inputs import check_fields, check_instance, limited_vector, not_negative, positive
 from ancf_casadi.vibration.modes import Modes
 
 DRAG_CONSTANT = 1183 / 876  # exact in Eqs. (24) and (25), where the paper rounds its inverse to 0.74
@@ -95,7 +95,7 @@ class QuadraticDamping(DampingLaw):
 
     def __post_init__(self) -> None:
         """Validate."""
-        keep_checked(self, eta1=not_negative, eta2=not_negative, flow=sized_vector)
+        check_fields(self, eta1=not_negative, eta2=not_negative, flow=limited_vector)
 
     @classmethod
     def from_drag(

@@ -24,8 +24,8 @@ from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.mechanics.spec import BeamSpec, StrainMeasuresSpec, model_from
 from ancf_casadi.support.arrays import Array
-from ancf_casadi.support.inputs import located
-from ancf_casadi.support.specs import NotNegative, Pair, Positive, Spec, convert, place_of
+from ancf_casadi.support.inputs import error_prefix
+from ancf_casadi.support.specs import NotNegative, Pair, Positive, Spec, convert, value_place
 from ancf_casadi.vibration.equilibrium import Equilibrium
 from ancf_casadi.vibration.modes import Modes, natural_modes
 
@@ -84,10 +84,10 @@ class ModesSpec(Spec, frozen=True):
             model = model_from(self.beam, self.strain_measures, where)
         if len(self.shapes) != len(self.frequencies):
             message = f"has {len(self.shapes)} shapes for {len(self.frequencies)} frequencies"
-            raise InputError(message, place_of(where, ["shapes"]))
-        shapes = [_coordinates(shape, model, place_of(where, ["shapes", k])) for k, shape in enumerate(self.shapes)]
+            raise InputError(message, value_place(where, ["shapes"]))
+        shapes = [_coordinates(shape, model, value_place(where, ["shapes", k])) for k, shape in enumerate(self.shapes)]
         spec = self.equilibrium
-        coordinates = _coordinates(spec.coordinates, model, place_of(where, ["equilibrium", "coordinates"]))
+        coordinates = _coordinates(spec.coordinates, model, value_place(where, ["equilibrium", "coordinates"]))
         equilibrium = Equilibrium(model, coordinates, spec.tip_force, spec.tip_moment)
         return Modes(equilibrium, np.array(self.frequencies), np.ascontiguousarray(np.array(shapes).T))
 
@@ -99,8 +99,8 @@ class DampingSpec(Spec, frozen=True, tag_field="law"):
 
     def law(self, model: Model, where: str) -> DampingLaw:
         """Return the law on a beam; messages name the place."""
-        with located(where):
-            return self.described(**self.given())
+        with error_prefix(where):
+            return self.described(**self.set_fields())
 
     def check(self, model: Model, where: str) -> None:
         """Refuse values that make no law on a beam, without solving for its modes."""
@@ -134,7 +134,7 @@ class QuadraticSpec(DampingSpec, frozen=True, tag="quadratic"):
             return super().law(model, where)
         if self.drag_coefficient is UNSET or self.air_density is UNSET or self.eta1 or self.eta2:
             raise InputError("give either eta1 and eta2, or both of drag_coefficient and air_density", where)
-        with located(where):
+        with error_prefix(where):
             return QuadraticDamping.from_drag(self.drag_coefficient, self.air_density, model.beam, flow=self.flow)
 
 
@@ -172,15 +172,15 @@ class ModalSpec(DampingSpec, frozen=True, tag="modal"):
         if self.modes is UNSET:
             modes = natural_modes(model, count=min(len(self.ratios), model.freedoms))
         else:
-            modes = self.modes.modes(model, place_of(where, ["modes"]))
-        with located(where):
+            modes = self.modes.modes(model, value_place(where, ["modes"]))
+        with error_prefix(where):
             return ModalDamping(modes, self.ratios, frequencies=self.frequencies or None)
 
     def check(self, model: Model, where: str) -> None:
         """Refuse more damping ratios than the beam has modes."""
         if len(self.ratios) > model.freedoms:
             message = f"has {len(self.ratios)} values for {model.freedoms} modes"
-            raise InputError(message, place_of(where, ["ratios"]))
+            raise InputError(message, value_place(where, ["ratios"]))
 
 
 class SumSpec(DampingSpec, frozen=True, tag="sum"):
@@ -192,13 +192,13 @@ class SumSpec(DampingSpec, frozen=True, tag="sum"):
 
     def law(self, model: Model, where: str) -> DampingLaw:
         """Return the sum of the laws on a beam."""
-        places = [place_of(where, ["laws", k]) for k in range(len(self.laws))]
+        places = [value_place(where, ["laws", k]) for k in range(len(self.laws))]
         return SumOfLaws(tuple(spec.law(model, place) for spec, place in zip(self.laws, places, strict=True)))
 
     def check(self, model: Model, where: str) -> None:
         """Check each of the laws."""
         for k, spec in enumerate(self.laws):
-            spec.check(model, place_of(where, ["laws", k]))
+            spec.check(model, value_place(where, ["laws", k]))
 
 
 LawSpec = RayleighSpec | QuadraticSpec | FrictionSpec | ModalSpec | SumSpec

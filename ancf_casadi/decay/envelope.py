@@ -41,7 +41,7 @@ from ancf_casadi.decay.spectrum import MIN_WINDOW_SAMPLES, strongest_peak, typic
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.support.arrays import Array
-from ancf_casadi.support.figures import COMPUTED, MEASURED, Axes, Figure, literal_text, prefixed
+from ancf_casadi.support.figures import COMPUTED, MEASURED, Axes, Figure, literal_text, si_prefix
 from ancf_casadi.support.inputs import check_instance, physical
 from ancf_casadi.support.tables import Displayed, Table, counted, spread
 
@@ -204,7 +204,7 @@ class LawCurve(Displayed):
 def draw_against_amplitude(axes: Sequence[Axes], points: DampingCurve | None, law: LawCurve | None) -> None:
     """Draw damping ratio and frequency against amplitude: points with 95 % intervals, and a law with its band."""
     curves = [curve for curve in (points, law) if curve is not None]
-    size, unit = prefixed(max(float(curve.amplitude.max()) for curve in curves), curves[0].unit)
+    size, unit = si_prefix(max(float(curve.amplitude.max()) for curve in curves), curves[0].unit)
     for ax, name, scale, label in zip(
         axes, ("damping_ratio", "frequency"), (100.0, 1.0), ("damping ratio, %", "frequency, Hz"), strict=True
     ):

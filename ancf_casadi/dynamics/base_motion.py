@@ -27,9 +27,9 @@ from ancf_casadi.exceptions import InputError
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.inputs import (
     array,
+    check_fields,
     check_size,
     choice,
-    keep_checked,
     number,
     physical,
     positive,
@@ -121,7 +121,7 @@ class FixedBase(BaseMotion):
 
     def __post_init__(self) -> None:
         """Validate."""
-        keep_checked(self, displacement=vector, rotation=number)
+        check_fields(self, displacement=vector, rotation=number)
 
     def pieces(self) -> tuple[Piece, ...]:
         """Return one piece at rest."""
@@ -182,7 +182,7 @@ class _Oscillation(BaseMotion):
             physical(self.stop, "stop")
         check_ramp(self.ramp, self._instant, self.stop)
         choice(self.stop_at, get_args(StopAt), "stop_at")
-        keep_checked(self, direction=unit_vector)
+        check_fields(self, direction=unit_vector)
 
 
 @final

@@ -38,7 +38,7 @@ from ancf_casadi.mechanics.nodes import NODE
 from ancf_casadi.mechanics.state import State
 from ancf_casadi.mechanics.strain import axial_strain
 from ancf_casadi.support.arrays import Array
-from ancf_casadi.support.inputs import check_instance, is_one_of, physical, shown
+from ancf_casadi.support.inputs import check_instance, is_choice, physical, shown
 from ancf_casadi.vibration.equilibrium import Equilibrium, short_elements_advice
 
 Start = Literal["equilibrium", "straight", "impact"]
@@ -153,7 +153,7 @@ def initial_state(
                 "start from static_equilibrium(model), which is stable, or from a State beside it",
                 stacklevel=5,
             )
-    elif not is_one_of(start, get_args(Start)):
+    elif not is_choice(start, get_args(Start)):
         names = ", ".join(get_args(Start))
         raise InputError(f"must be one of {names}, an Equilibrium or a State, got {shown(start)}", "start")
     node, velocity, _, load = np.split(excitation.at(0.0), [NODE, 2 * NODE, 3 * NODE])

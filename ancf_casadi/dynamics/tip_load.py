@@ -30,13 +30,13 @@ from ancf_casadi.mechanics.loads import LineLoad, PointLoad
 from ancf_casadi.mechanics.supports import check_point
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.inputs import (
+    check_fields,
     check_size,
-    keep_checked,
+    limited_number,
+    limited_vector,
     not_negative,
     physical,
     positive_or_infinite,
-    sized,
-    sized_vector,
 )
 from ancf_casadi.support.tables import Displayed
 
@@ -140,7 +140,7 @@ class HarmonicLoad(TipLoad):
         """Validate."""
         _ = self.place  # which is checked
         physical(self.frequency, "frequency")
-        keep_checked(self, force=sized_vector, moment=sized)
+        check_fields(self, force=limited_vector, moment=limited_number)
         positive_or_infinite(self.stop, "stop")
         check_ramp(self.ramp, lambda cycles: cycles / self.frequency, self.stop)
 
@@ -277,7 +277,7 @@ class MovingForce(TipLoad):
 
     def __post_init__(self) -> None:
         """Validate."""
-        keep_checked(self, force=sized_vector)
+        check_fields(self, force=limited_vector)
         physical(self.speed, "speed")
         not_negative(self.begin, "begin")
         LineLoad((0.0, 0.0), check_point(self.point), self.end)  # which checks the end

@@ -139,7 +139,7 @@ class Motion(Reported):
             If the file cannot be written in this format, an argument cannot be used, or there would be more than 3000
             pictures.  No file is written then.
         """
-        content = self._made(
+        content = self._make_drawing(
             MOVING, others, labels, path=check_file(path), slower=slower, frame_rate=frame_rate, begin=begin, end=end,
             beside=beside, points=points, markers=markers, background=background,
         )  # fmt: skip

@@ -61,7 +61,7 @@ from ancf_casadi.estimation.fit import CONFIDENCE_LEVEL, Fit, quantile
 from ancf_casadi.estimation.noise.spectrum import estimated_noise
 from ancf_casadi.estimation.solver.gauss_newton import influence, row_weights
 from ancf_casadi.support.arrays import Array, Mask
-from ancf_casadi.support.tables import known, to_width, with_error
+from ancf_casadi.support.tables import finite_or_none, to_width, with_error
 
 FREEDOM_AGREED = 3  # degrees of freedom per record if tau = 0 (test_two_records_may_agree_by_chance)
 AGREE, DISAGREE = 0.05, 0.01  # probabilities of Q above which estimates agree, and below which they do not
@@ -158,8 +158,8 @@ class Agreement:
         return {
             "name": self.name,
             "unit": self.unit,
-            "values": [known(value) for value in self.values.tolist()],
-            "standard_errors": [known(error) for error in self.errors.tolist()],
+            "values": [finite_or_none(value) for value in self.values.tolist()],
+            "standard_errors": [finite_or_none(error) for error in self.errors.tolist()],
             "scatter": self.scatter,
             "probability": self.probability,
             "mean": self.mean,

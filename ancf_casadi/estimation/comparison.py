@@ -16,7 +16,7 @@ from ancf_casadi.estimation.prediction import RecordPrediction
 from ancf_casadi.estimation.result import LeastSquaresResult
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.figures import Figure
-from ancf_casadi.support.tables import Displayed, Table, known
+from ancf_casadi.support.tables import Displayed, Table, finite_or_none
 
 F = TypeVar("F", bound=LeastSquaresResult)
 LIKE_RECORDS = (2, 5)  # numbers of like records whose power is stated
@@ -170,7 +170,7 @@ class LawComparison(Displayed, Generic[F]):
         labels = [str(k) if numbered else name for k, name in enumerate(self.names, start=1)]
         rows = [
             (label, row["estimated"], round(row["probability"], 4), row["residual_rms"],
-             known(aicc - min(verdict.aicc)), row["bic"] - min(verdict.bic), row["autocorrelation"])
+             finite_or_none(aicc - min(verdict.aicc)), row["bic"] - min(verdict.bic), row["autocorrelation"])
             for label, row, aicc in zip(labels, self._laws(), verdict.aicc, strict=True)
         ]  # fmt: skip
         columns = ("law", "estimated", "probability", "residual_rms", "delta_AICc", "delta_BIC", "autocorrelation")
@@ -216,10 +216,10 @@ class LawComparison(Displayed, Generic[F]):
             "law": self.names,
             "estimated": [candidate.estimated for candidate in self.candidates],
             "probability": verdict.probabilities.tolist(),
-            "aicc": map(known, verdict.aicc),
+            "aicc": map(finite_or_none, verdict.aicc),
             "bic": verdict.bic,
             "residual_rms": [fit.fit.residual_rms for fit in self.fits],
-            "autocorrelation": [known(fit.fit.autocorrelation) for fit in self.fits],
+            "autocorrelation": [finite_or_none(fit.fit.autocorrelation) for fit in self.fits],
         }
         return [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)]
 

@@ -15,7 +15,7 @@ from ancf_casadi.estimation.agreement import Agreement
 from ancf_casadi.estimation.noise.series import autocorrelation
 from ancf_casadi.estimation.prediction import TIME_AXIS, PredictedChannel
 from ancf_casadi.support.arrays import Array
-from ancf_casadi.support.figures import COMPUTED, MEASURED, literal_text, prefixed
+from ancf_casadi.support.figures import COMPUTED, MEASURED, literal_text, si_prefix
 
 PLOTS_PER_ROW = 4  # plots of estimates in a row
 
@@ -130,7 +130,7 @@ def channels_figure(results: Mapping[str, Any]) -> Figure:
     for k, ((label, title, unit, axis), channels) in enumerate(diagrams.items()):
         upper, lower = plots[2 * (k // columns) : 2 * (k // columns) + 2, k % columns]
         lower.sharex(upper)
-        size, prefix = prefixed(max(float(np.nanmax(np.abs(channel.predicted))) for channel in channels), unit)
+        size, prefix = si_prefix(max(float(np.nanmax(np.abs(channel.predicted))) for channel in channels), unit)
         centred = len(channels) > 1 and axis == TIME_AXIS  # the means of positions are far apart
         for number, channel in enumerate(channels):
             _draw_channel(upper, lower, channel, size, f"C{number % 10}" if len(channels) > 1 else COMPUTED, centred)

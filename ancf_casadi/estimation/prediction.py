@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from ancf_casadi.support.arrays import Array, ComplexArray, root_mean_square
-from ancf_casadi.support.tables import Reported, Table, known
+from ancf_casadi.support.tables import Reported, Table, finite_or_none
 
 TIME_AXIS = "time, s"  # axis of a motion
 LARGEST_PREDICTION_ERROR = 3.0  # rms error over noise and standard error above which there is a warning
@@ -86,14 +86,14 @@ class PredictedChannel:
         data = {
             "channel": self.name,
             "unit": self.unit,
-            "rms_error": known(self.rms_error),
-            "relative_error": known(self.relative_error),
-            "standard_error": known(self.standard_error),
-            "noise": known(root_mean_square(np.atleast_1d(self.noise))),
+            "rms_error": finite_or_none(self.rms_error),
+            "relative_error": finite_or_none(self.relative_error),
+            "standard_error": finite_or_none(self.standard_error),
+            "noise": finite_or_none(root_mean_square(np.atleast_1d(self.noise))),
         }
         columns = {"place": self.places, "measured": self.measured, "predicted": self.predicted, "error": self.errors}
         rows = zip(self.labels, *(column.tolist() for column in columns.values()), strict=False)
-        values = [{"label": label, **dict(zip(columns, map(known, row), strict=True))} for label, *row in rows]
+        values = [{"label": label, **dict(zip(columns, map(finite_or_none, row), strict=True))} for label, *row in rows]
         return {**data, "values": values} if values else data
 
 

@@ -50,7 +50,7 @@ from ancf_casadi.support.figures import Figure
 from ancf_casadi.support.inputs import choice, number, whole
 from ancf_casadi.support.interrupts import lasting_interrupts
 from ancf_casadi.support.parallel import run_all
-from ancf_casadi.support.tables import Displayed, Table, known
+from ancf_casadi.support.tables import Displayed, Table, finite_or_none
 
 Method = Literal["parametric", "bootstrap"]
 
@@ -174,7 +174,7 @@ class MonteCarlo(Displayed):
 
     def _rows(self) -> list[tuple[Any, ...]]:
         """Return name, estimate, unit, standard error (None if unknown), mean, deviation and interval of each."""
-        errors = map(known, self.standard_errors.values())
+        errors = map(finite_or_none, self.standard_errors.values())
         numbers = (column.tolist() for column in (self.means, self.stds, self.intervals()))
         return list(zip(self.names, self.estimates.tolist(), self.units, errors, *numbers, strict=True))
 

@@ -29,7 +29,7 @@ from ancf_casadi.estimation.solver.least_squares import refitted
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.interrupts import lasting_interrupts
-from ancf_casadi.support.tables import Reported, Table, finite, known, with_error
+from ancf_casadi.support.tables import Reported, Table, finite, finite_or_none, with_error
 
 Interval = tuple[float, float]
 
@@ -117,7 +117,7 @@ class FitResult(Reported):
     def table(self) -> Table:
         """Return the estimates with units, standard errors and 95 % intervals."""
         rows = [
-            (name, value, unit, known(error), known(low), known(high), self._remark(name, error))
+            (name, value, unit, *map(finite_or_none, (error, low, high)), self._remark(name, error))
             for name, value, unit, error, (low, high) in self._rows()
         ]
         columns = ("estimate", "value", "unit", "standard_error", "lower_95", "upper_95", "")

@@ -4,8 +4,8 @@ CasADi translates expressions, loops over the elements, linear solvers and Newto
 contains an integrator with adaptive steps, or calls Python, cannot be translated and is refused.
 
 The source needs only the C library.  Each Function becomes ``int NAME_FUNCTION(inputs, outputs)`` with plain arrays,
-matrices by columns.  A sparse matrix is an array of its nonzeros, and the header lists their places by compressed
-columns.  No call allocates: work arrays are on the stack, or static if they are large, which the header states.
+matrices by columns.  A sparse matrix is an array of its nonzeros, whose pattern the header lists by compressed columns.
+No call allocates memory: work arrays are on the stack, or static if they are large, as the header states.
 
 The program is an example of the calls, and a first check of the export.  The full beam is released from its equilibrium
 under a sideways pull, which is added to gravity.  The reduced beam is released from a deflection in mode 1, with
@@ -29,34 +29,34 @@ from ancf_casadi.export.solved_functions import GAMMA
 from ancf_casadi.mechanics.nodes import NODE
 from ancf_casadi.reduction.stepping import STEPS_PER_PERIOD
 from ancf_casadi.support.arrays import Array
-from ancf_casadi.support.files import check_folder, check_ours, filled_template, write_files
+from ancf_casadi.support.files import check_folder, check_ours, fill_template, write_files
 from ancf_casadi.support.inputs import check_instance, instances, matches, shown
 
 TABLE_NAMES = ("parameters", "rest")
 MARK = "/* Written by ancf-casadi"
 NAME_PATTERN = r"[a-z][a-z0-9]*(_[a-z0-9]+)*"
 LONGEST_NAME = 60
-TRANSLATED = {"MXFunction", "SXFunction", "Map", "MapSum", "FastNewton", "Switch", "BSplineInterpolant"}
+TRANSLATABLE_CLASSES = {"MXFunction", "SXFunction", "Map", "MapSum", "FastNewton", "Switch", "BSplineInterpolant"}
 C_KEYWORDS = {"arg", "res", "iw", "w", "NAN", "INFINITY"} | set(
     "auto break case char const continue default do double else enum extern float for goto if inline int long register "
     "restrict return short signed sizeof static struct switch typedef union unsigned void volatile while".split()
 )
 PROGRAM_STEP, PROGRAM_SAMPLES = 5e-3, 400  # seconds between two lines of output, and number of lines after the first
-DEFLECTION = 0.1  # largest one before the release, to first order, per distance from the origin to the tip
+DEFLECTION = 0.1  # largest linear deflection at the release, per distance from the origin to the tip
 
 
-def _translated(name: str, every: Mapping[str, cs.Function]) -> tuple[str, dict[str, cs.Function]]:
-    """Return CasADi's C of Functions by their names in C, for a file, and the Functions that it defines."""
-    generator, raws = cs.CodeGenerator(f"{name}.c", {"with_header": False}), {}
-    for called, function in every.items():
+def _generate_c(name: str, c_functions: Mapping[str, cs.Function]) -> tuple[str, dict[str, cs.Function]]:
+    """Return the C code that CasADi generates for Functions with their C names, and the Functions in that code."""
+    generator, generated = cs.CodeGenerator(f"{name}.c", {"with_header": False}), {}
+    for c_name, function in c_functions.items():
         inputs = function.mx_in()
         outputs = function.call(inputs, True, False)
-        raws[called] = cs.Function(f"{called}_raw", inputs, outputs, function.name_in(), function.name_out())
-        generator.add(raws[called])
+        generated[c_name] = cs.Function(f"{c_name}_raw", inputs, outputs, function.name_in(), function.name_out())
+        generator.add(generated[c_name])
     code = generator.dump()
     if "#error" in code:
         raise InputError("contain a linear solver without C code; use 'ldl' or 'qr'", "functions")
-    return code, raws
+    return code, generated
 
 
 def _is_static(function: cs.Function) -> bool:
@@ -64,25 +64,25 @@ def _is_static(function: cs.Function) -> bool:
 
 
 def _output_names(function: cs.Function) -> list[str]:
-    """Return the names of the outputs, each different from those of the inputs."""
-    taken = function.name_in()
-    return [f"{label}_out" if label in taken else label for label in function.name_out()]
+    """Return the names of the outputs, with the suffix ``_out`` if an input has the same name."""
+    input_names = function.name_in()
+    return [f"{label}_out" if label in input_names else label for label in function.name_out()]
 
 
-def _signature(called: str, function: cs.Function) -> str:
+def _signature(c_name: str, function: cs.Function) -> str:
     inputs = [f"const double {label}[{function.nnz_in(k)}]" for k, label in enumerate(function.name_in())]
     outputs = [f"double {label}[{max(function.nnz_out(k), 1)}]" for k, label in enumerate(_output_names(function))]
-    return f"int {called}({', '.join([*inputs, *outputs])})"
+    return f"int {c_name}({', '.join([*inputs, *outputs])})"
 
 
-def _patterns(called: str, function: cs.Function) -> list[tuple[str, list[int]]]:
+def _patterns(c_name: str, function: cs.Function) -> list[tuple[str, list[int]]]:
     """Return column starts and rows of the sparse outputs."""
-    found = []
+    tables = []
     for label, k in zip(_output_names(function), range(function.n_out()), strict=True):
         pattern = function.sparsity_out(k)
         if not pattern.is_dense():
-            found += [(f"{called}_{label}_colind", pattern.colind()), (f"{called}_{label}_row", pattern.row())]
-    return found
+            tables += [(f"{c_name}_{label}_colind", pattern.colind()), (f"{c_name}_{label}_row", pattern.row())]
+    return tables
 
 
 def _table(data: Iterable[float]) -> str:
@@ -93,44 +93,45 @@ def _table(data: Iterable[float]) -> str:
 
 
 def _rows(signals: Sequence[Signal]) -> str:
-    """Return lines of a comment on signals."""
+    """Return the signals as lines of a C comment."""
     rows = (f" *  {k:5d}  {s.name:<24}  {s.unit:<10}  {s.value: .8e}  {s.description}" for k, s in enumerate(signals))
     return "\n".join(rows)
 
 
 def _release(functions: MotionFunctions) -> dict[str, Any]:
-    """Return the release in the program: steps per sample, and the pull (m/s^2) or the deflection in mode 1."""
+    """Return the template values of the release: steps per sample, and the pull (m/s^2) or the deflection in mode 1."""
     if isinstance(functions, BeamFunctions):
         p = cs.MX.sym("p", len(functions.parameters))
         q = functions.equilibrium(p)
         tip = functions.tip(q, cs.MX(len(functions.base), 1))
-        found, change = _value_and_jacobian(cs.vertcat(tip, q), p, values(functions.parameters))
-        x, y = found[:2]
-        across = np.array([-y, x]) / np.hypot(x, y)
-        places = [k for k, signal in enumerate(functions.states[: functions.free], start=2) if signal.unit == "m"]
-        farthest = np.abs(change[places, :2] @ across).max()
-        pull = (DEFLECTION * np.hypot(x, y) / farthest * across).tolist()
-        return {"each": 10, "pull": pull}
-    q, still = cs.MX.sym("q", functions.free), cs.MX(len(functions.base), 1)
-    e, _ = functions.named["coordinates"](q, cs.MX(functions.free, 1), still)
-    found, change = _value_and_jacobian(cs.vertcat(functions.tip(q, still), e), q, np.zeros(functions.free))
-    moved = np.linalg.norm(change[2:, 0].reshape(-1, NODE)[:, :2], axis=1)
-    first = DEFLECTION * np.linalg.norm(found[:2]) / moved.max()
-    each = math.ceil(PROGRAM_STEP * STEPS_PER_PERIOD * _highest_frequency(functions))
-    return {"each": each, "pull": (), "deflection": float(first)}
+        coordinates, jacobian = _value_and_jacobian(cs.vertcat(tip, q), p, values(functions.parameters))
+        x, y = coordinates[:2]
+        side_direction = np.array([-y, x]) / np.hypot(x, y)
+        rows = [k for k, signal in enumerate(functions.states[: functions.free], start=2) if signal.unit == "m"]
+        max_displacement = np.abs(jacobian[rows, :2] @ side_direction).max()
+        pull = (DEFLECTION * np.hypot(x, y) / max_displacement * side_direction).tolist()
+        return {"steps_per_sample": 10, "pull": pull}
+    q, base_at_rest = cs.MX.sym("q", functions.free), cs.MX(len(functions.base), 1)
+    e, _ = functions.named["coordinates"](q, cs.MX(functions.free, 1), base_at_rest)
+    tip_and_nodes = cs.vertcat(functions.tip(q, base_at_rest), e)
+    coordinates, jacobian = _value_and_jacobian(tip_and_nodes, q, np.zeros(functions.free))
+    node_displacements = np.linalg.norm(jacobian[2:, 0].reshape(-1, NODE)[:, :2], axis=1)
+    deflection = DEFLECTION * np.linalg.norm(coordinates[:2]) / node_displacements.max()
+    steps_per_sample = math.ceil(PROGRAM_STEP * STEPS_PER_PERIOD * _highest_frequency(functions))
+    return {"steps_per_sample": steps_per_sample, "pull": (), "deflection": float(deflection)}
 
 
 def _highest_frequency(functions: MotionFunctions) -> float:
     """Return the highest natural frequency about rest, Hz."""
     q, n = cs.MX.sym("q", functions.free), functions.free
-    still = cs.MX(n, 1), cs.MX(len(functions.base), 1), cs.MX(cs.DM(values(functions.parameters)))
-    _, jacobian = _value_and_jacobian(functions.rhs(q, *still), q, values(functions.states)[:n])
+    rest_inputs = cs.MX(n, 1), cs.MX(len(functions.base), 1), cs.MX(cs.DM(values(functions.parameters)))
+    _, jacobian = _value_and_jacobian(functions.rhs(q, *rest_inputs), q, values(functions.states)[:n])
     return float(np.sqrt(np.abs(np.linalg.eigvals(jacobian)).max()) / (2 * np.pi))
 
 
-def _value_and_jacobian(expression: cs.MX, symbol: cs.MX, at: Array) -> list[Array]:
-    found = cs.Function("found", [symbol], [expression, cs.jacobian(expression, symbol)])(at)
-    value, jacobian = (part.full() for part in found)
+def _value_and_jacobian(expression: cs.MX, symbol: cs.MX, point: Array) -> list[Array]:
+    results = cs.Function("value_and_jacobian", [symbol], [expression, cs.jacobian(expression, symbol)])(point)
+    value, jacobian = (result.full() for result in results)
     return [value.ravel(), jacobian]
 
 
@@ -174,22 +175,25 @@ def write_c(
         )
     check_instance(functions, "functions", MotionFunctions)
     target = check_folder(folder)
-    every = {f"{name}_{own}": function for own, function in functions.named.items()}
-    for function in instances(also, "also", cs.Function, least=0):
-        own = function.name()
-        if every.setdefault(f"{name}_{own}", function) is not function or own in TABLE_NAMES or own.endswith("_raw"):
-            raise InputError("is the name of another Function or table; rename the Function", own)
-    for function in every.values():
-        _check_translated(function)
-    code, raws = _translated(name, every)
-    given = {
-        "name": name, "functions": functions, "every": every, "code": code, "raws": raws, "gamma": GAMMA,
+    c_functions = {f"{name}_{function_name}": function for function_name, function in functions.named.items()}
+    for function in instances(also, "also", cs.Function, minimum=0):
+        label = function.name()
+        registered = c_functions.setdefault(f"{name}_{label}", function)
+        if registered is not function or label in TABLE_NAMES or label.endswith("_raw"):
+            raise InputError("is the name of another Function or table; rename the Function", label)
+    for function in c_functions.values():
+        _check_translatable(function)
+    code, generated = _generate_c(name, c_functions)
+    template_values = {
+        "name": name, "functions": functions, "c_functions": c_functions, "code": code,
+        "generated": generated, "gamma": GAMMA,
         "interval": PROGRAM_STEP, "samples": PROGRAM_SAMPLES, **_release(functions),
         "rows": _rows, "signature": _signature, "output_names": _output_names, "patterns": _patterns,
         "is_static": _is_static, "table": _table,
     }  # fmt: skip
     templates = {f"{name}.c": "beam.c.jinja", f"{name}.h": "beam.h.jinja", "main.c": "main.c.jinja"}
-    contents = {target / own: filled_template("ancf_casadi.export", form, given) for own, form in templates.items()}
+    contents = {target / file: fill_template("ancf_casadi.export", form, template_values)
+                for file, form in templates.items()}  # fmt: skip
     for path in contents:
         check_ours(path, MARK)
     write_files(contents)
@@ -197,7 +201,7 @@ def write_c(
     return source_path, header_path, program_path
 
 
-def _check_translated(function: cs.Function) -> None:
+def _check_translatable(function: cs.Function) -> None:
     """Check that CasADi can translate a Function and that its names can be used in C."""
     if function.has_free():
         raise InputError(f"depends on {', '.join(function.get_free())}, which is not an input", function.name())
@@ -205,7 +209,7 @@ def _check_translated(function: cs.Function) -> None:
         if label in C_KEYWORDS or label.startswith("casadi"):
             raise InputError(f"{label} is a reserved name in C; rename it", function.name())
     for inner in (function, *function.find_functions()):
-        if inner.class_name() not in TRANSLATED:
+        if inner.class_name() not in TRANSLATABLE_CLASSES:
             raise InputError(
                 f"contains '{inner.name()}' ({inner.class_name()}), and there is no C for it: integrators with "
                 "adaptive steps and calls of other programs cannot be written",

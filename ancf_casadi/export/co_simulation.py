@@ -1,4 +1,4 @@
-"""The beam as a co-simulation unit with steps of its own: two Functions for ``co_simulation.c``, which chooses h.
+"""The beam as a co-simulation unit with its own integrator: two Functions for ``co_simulation.c``, which chooses h.
 
     advance(x, u, p, h) -> x after a step h (s), and its estimated error
     observe(x, u, p) -> y, the outputs
@@ -6,15 +6,15 @@
     x       q, v of the Functions, displacement and rotation of the base, and their velocities
     u       accelerations of the base, and a force F at the tip, both constant from one communication to the next
 
-With r_tip(q) the position of the tip, the force adds (dr_tip/dq)^T F to the equation of motion.  The base moves as its
-constant accelerations say, exactly.
+With r_tip(q) the position of the tip, the force adds (dr_tip/dq)^T F to the equation of motion.  The motion of the base
+follows exactly from its constant accelerations.
 
 The full beam takes steps of the method of Kennedy and Carpenter, of order 4 (``solved_functions``).  The reduced model
 takes two steps of Lawson's method (``reduction.reduced``) of half the length; their difference from one step, divided
 by 15, is the error, and is added (Richardson's extrapolation).
 
-The error is the largest displacement of a node by which q errs, or v in the time h, relative to the largest coordinate
-of a node at rest, which stands for the length of the beam.
+The error is the largest displacement of a node under the error of q, or under the error of v times h.  It is relative
+to the largest coordinate of a node in equilibrium, which serves as the length of the beam.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ from ancf_casadi.reduction.reduced import lawson_step
 
 WRAPPER = Path(__file__).with_suffix(".c")
 BASE_COORDINATES = 3  # coordinates of the base: x, y and rotation
-MOVED = 2 * BASE_COORDINATES  # position and velocity of the base
+BASE_STATES = 2 * BASE_COORDINATES  # position and velocity of the base
 LOAD = tuple(Signal(f"tip_force_{c}", "N", f"force at the tip, {c}") for c in "xy")
 LAWSON_INSTANTS = (0.0, 0.5, 1.0)
 FUNCTION_TYPE = re.compile(r"typedef\s+(fmi3\w+)\s+(fmi3\w+)TYPE\s*\(([^;]*)\);")
@@ -51,27 +51,27 @@ def advance_function(functions: MotionFunctions) -> cs.Function:
     """Return (x, u, p, h) -> x_next, error."""
     x, u, p = symbols = _symbols(functions)
     h, n = cs.MX.sym("h"), functions.free
-    q, v, place, speed = cs.vertsplit(x, [0, n, 2 * n, 2 * n + BASE_COORDINATES, x.numel()])
-    a, loaded = u[:BASE_COORDINATES], cs.vertcat(p, u[BASE_COORDINATES:])
+    q, v, place, velocity = cs.vertsplit(x, [0, n, 2 * n, 2 * n + BASE_COORDINATES, x.numel()])
+    a, parameters = u[:BASE_COORDINATES], cs.vertcat(p, u[BASE_COORDINATES:])
 
     def base(begin: cs.MX | float, length: cs.MX, instants: Sequence[float]) -> cs.MX:
         """Return the motion of the base at instants of a step."""
-        times = [begin + length * part for part in instants]
-        return cs.horzcat(*(cs.vertcat(place + speed * t + a * t**2 / 2, speed + a * t, a) for t in times))
+        times = [begin + length * instant for instant in instants]
+        return cs.horzcat(*(cs.vertcat(place + velocity * t + a * t**2 / 2, velocity + a * t, a) for t in times))
 
-    weights, length = _scale(functions)
+    weights, length = _error_weights(functions)
     if isinstance(functions, BeamFunctions):
         step = _stiff_step(functions, length)
-        *state, q_error, v_error = step(q, v, base(0.0, h, stage_instants(KENNEDY_CARPENTER)), loaded, h)
+        *state, q_error, v_error = step(q, v, base(0.0, h, stage_instants(KENNEDY_CARPENTER)), parameters, h)
     else:
         step = _lawson_step(functions)
-        coarse = step(q, v, base(0.0, h, LAWSON_INSTANTS), loaded, h)
-        middle = step(q, v, base(0.0, h / 2, LAWSON_INSTANTS), loaded, h / 2)
-        fine = step(*middle, base(h / 2, h / 2, LAWSON_INSTANTS), loaded, h / 2)
-        q_error, v_error = ((good - bad) / 15 for good, bad in zip(fine, coarse, strict=True))
+        coarse = step(q, v, base(0.0, h, LAWSON_INSTANTS), parameters, h)
+        middle = step(q, v, base(0.0, h / 2, LAWSON_INSTANTS), parameters, h / 2)
+        fine = step(*middle, base(h / 2, h / 2, LAWSON_INSTANTS), parameters, h / 2)
+        q_error, v_error = ((f - c) / 15 for f, c in zip(fine, coarse, strict=True))
         state = [fine[0] + q_error, fine[1] + v_error]
     error = cs.norm_inf(cs.vertcat(weights * q_error, weights * h * v_error))
-    x_next = cs.vertcat(*state, base(0.0, h, (1.0,))[:MOVED])
+    x_next = cs.vertcat(*state, base(0.0, h, (1.0,))[:BASE_STATES])
     return cs.Function("advance", [*symbols, h], [x_next, error])
 
 
@@ -79,26 +79,26 @@ def observe_function(functions: MotionFunctions) -> cs.Function:
     """Return (x, u, p) -> y."""
     (q, v, _, base, loaded), (*_, p), _ = _motion_symbols(functions)
     a, tip = _loaded_rhs(functions)(q, v, base, loaded), functions.tip(q, base)
-    # no part of the clamp force of the full beam, unless a support holds the tip
-    by_load = cs.jtimes(tip, base, loaded[-len(LOAD) :], True)[: len(LOAD)]
-    at_clamp = functions.clamp_force(q, v, a, base, p) - by_load
-    y = cs.vertcat(tip, cs.vec(functions.markers(q, base)), *functions.energies(q, v, base, p), at_clamp)
+    # zero for the full beam, unless a support holds the tip
+    tip_reaction = cs.jtimes(tip, base, loaded[-len(LOAD) :], True)[: len(LOAD)]
+    clamp_force = functions.clamp_force(q, v, a, base, p) - tip_reaction
+    y = cs.vertcat(tip, cs.vec(functions.markers(q, base)), *functions.energies(q, v, base, p), clamp_force)
     outputs = cs.Function("outputs", [q, v, base, loaded], [y])
     x, u, p = symbols = _symbols(functions)
     state = cs.vertsplit(x, [0, functions.free, 2 * functions.free, x.numel()])
-    given, force = cs.vertsplit(u, [0, BASE_COORDINATES, u.numel()])
-    y = outputs(state[0], state[1], cs.vertcat(state[2], given), cs.vertcat(p, force))
+    base_acceleration, force = cs.vertsplit(u, [0, BASE_COORDINATES, u.numel()])
+    y = outputs(state[0], state[1], cs.vertcat(state[2], base_acceleration), cs.vertcat(p, force))
     return cs.Function("observe", symbols, [y])
 
 
 def _symbols(functions: MotionFunctions) -> list[cs.MX]:
     """Return symbols of x, u and p."""
-    sizes = len(functions.states) + MOVED, BASE_COORDINATES + len(LOAD), len(functions.parameters)
+    sizes = len(functions.states) + BASE_STATES, BASE_COORDINATES + len(LOAD), len(functions.parameters)
     return [cs.MX.sym(name, size) for name, size in zip("xup", sizes, strict=True)]
 
 
 def _motion_symbols(functions: MotionFunctions) -> tuple[list[cs.MX], list[cs.MX], cs.MX]:
-    """Return symbols of q, v, a, base and (p, F); the first four and p; and the generalized force of F."""
+    """Return the symbols q, v, a, base and (p, F); the same with p alone; and the generalised force of F."""
     sizes = {name: functions.free for name in ("q", "v", "a")}
     sizes |= {"base": len(functions.base), "p": len(functions.parameters) + len(LOAD)}
     *motion, loaded = symbols = [cs.MX.sym(name, size) for name, size in sizes.items()]
@@ -117,11 +117,11 @@ def _loaded_rhs(functions: MotionFunctions) -> cs.Function:
 
 def _stiff_step(functions: BeamFunctions, length: float) -> cs.Function:
     """Return (q, v, base, (p, F), h) -> q_next, v_next and their errors."""
-    symbols, given, force = _motion_symbols(functions)
+    symbols, motion_inputs, force = _motion_symbols(functions)
     names, p = ["q", "v", "a", "base", "p"], values(functions.parameters)
-    residual = cs.Function("loaded_residual", symbols, [functions.residual(*given) - force], names, ["r"])
-    found = functions.residual_jacobians.call(given, True, False)[:3]
-    jacobians = cs.Function("loaded_jacobians", symbols, found)
+    residual = cs.Function("loaded_residual", symbols, [functions.residual(*motion_inputs) - force], names, ["r"])
+    state_jacobians = functions.residual_jacobians.call(motion_inputs, True, False)[:3]
+    jacobians = cs.Function("loaded_jacobians", symbols, state_jacobians)
     K = functions.tangent_stiffness(values(functions.states)[: functions.free], np.zeros(len(functions.base)), p)
     diagonals = cs.diag(functions.mass(p)), cs.diag(K)
     method = KENNEDY_CARPENTER, KENNEDY_CARPENTER_ERROR
@@ -131,23 +131,23 @@ def _stiff_step(functions: BeamFunctions, length: float) -> cs.Function:
 def _lawson_step(functions: MotionFunctions) -> cs.Function:
     """Return (q, v, base, (p, F), h) -> q_next, v_next."""
     q, n = cs.MX.sym("q", functions.free), functions.free
-    still = cs.MX(n, 1), cs.MX(len(functions.base), 1), cs.MX(cs.DM(values(functions.parameters)))
-    squares = cs.Function("squares", [q], [cs.diag(cs.jacobian(functions.rhs(q, *still), q))])(np.zeros(n))
+    rest_inputs = cs.MX(n, 1), cs.MX(len(functions.base), 1), cs.MX(cs.DM(values(functions.parameters)))
+    squares = cs.Function("squares", [q], [cs.diag(cs.jacobian(functions.rhs(q, *rest_inputs), q))])(np.zeros(n))
     return lawson_step(_loaded_rhs(functions), np.sqrt(np.abs(squares.full().ravel())))
 
 
-def _scale(functions: MotionFunctions) -> tuple[cs.DM, float]:
-    """Return the largest displacement of a node by a unit of each coordinate, relative to the length; the length."""
-    rest = values(functions.states)[: functions.free]
+def _error_weights(functions: MotionFunctions) -> tuple[cs.DM, float]:
+    """Return the largest displacement of a node per unit of each coordinate, relative to the length, and the length."""
+    equilibrium = values(functions.states)[: functions.free]
     if isinstance(functions, BeamFunctions):
-        places = np.array([signal.unit == "m" for signal in functions.states[: functions.free]])
-        positions, shapes = rest[places], np.eye(functions.free)[places]
+        position_rows = np.array([signal.unit == "m" for signal in functions.states[: functions.free]])
+        positions, shapes = equilibrium[position_rows], np.eye(functions.free)[position_rows]
     else:
-        q, still = cs.MX.sym("q", functions.free), cs.MX(len(functions.base), 1)
-        e, _ = functions.named["coordinates"](q, cs.MX(functions.free, 1), still)
-        nodes, change = (part.full() for part in cs.Function("nodes", [q], [e, cs.jacobian(e, q)])(rest))
-        places = np.arange(len(nodes)) % NODE < 2
-        positions, shapes = nodes[places], change[places]
+        q, base_at_rest = cs.MX.sym("q", functions.free), cs.MX(len(functions.base), 1)
+        e, _ = functions.named["coordinates"](q, cs.MX(functions.free, 1), base_at_rest)
+        nodes, jacobian = (value.full() for value in cs.Function("nodes", [q], [e, cs.jacobian(e, q)])(equilibrium))
+        position_rows = np.arange(len(nodes)) % NODE < 2
+        positions, shapes = nodes[position_rows], jacobian[position_rows]
     length = float(np.abs(positions).max())
     return cs.DM(np.abs(shapes).max(axis=0) / length), length
 
@@ -155,33 +155,33 @@ def _scale(functions: MotionFunctions) -> tuple[cs.DM, float]:
 def co_simulation_source(functions: MotionFunctions, tolerance: str, headers: Path) -> tuple[str, str]:
     """Return the C source, and the token that an importer must give, a digest of this source.
 
-    What the ``headers`` of FMI name, and ``co_simulation.c`` does not have, is refused.
+    Functions that the FMI ``headers`` declare and ``co_simulation.c`` does not implement refuse their call.
     """
     generated = [advance_function(functions), observe_function(functions)]
     generator = cs.CodeGenerator("beam.c", {"with_export": False})
     for function in generated:
         generator.add(function)
-    start = values((*functions.parameters, *functions.states, *functions.base[:MOVED])).tolist()
+    start = values((*functions.parameters, *functions.states, *functions.base[:BASE_STATES])).tolist()
     constants = {
         "PARAMETERS": len(functions.parameters),
-        "STATES": len(functions.states) + MOVED,
+        "STATES": len(functions.states) + BASE_STATES,
         "INPUTS": BASE_COORDINATES + len(LOAD),
         "OUTPUTS": len(functions.outputs),
         "TOLERANCE": tolerance,
     }
     constants |= {
-        f"WORK_{name.upper()}": 1 + max(getattr(own, f"sz_{name}")() for own in generated)
+        f"WORK_{name.upper()}": 1 + max(getattr(function, f"sz_{name}")() for function in generated)
         for name in ("arg", "res", "iw", "w")
     }
     lines = [f"#define {name} {value}" for name, value in constants.items()]
     wrapper = WRAPPER.read_text()
-    absent = [
+    missing_functions = [
         f"{kind} {name}({arguments}) {{ return {'refuse(instance)' if kind == 'fmi3Status' else 'NULL'}; }}"
         for kind, name, arguments in FUNCTION_TYPE.findall((headers / "fmi3FunctionTypes.h").read_text())
         if f" {name}(" not in wrapper
     ]
     lines.append(f"static const double at_start[] = {{{', '.join(map(repr, start))}}};")
-    source = "\n".join([generator.dump(), *lines, wrapper, *absent, ""])
+    source = "\n".join([generator.dump(), *lines, wrapper, *missing_functions, ""])
     token = hashlib.sha256(source.encode()).hexdigest()
     return f'#define TOKEN "{token}"\n{source}', token
 
@@ -189,26 +189,25 @@ def co_simulation_source(functions: MotionFunctions, tolerance: str, headers: Pa
 def co_simulation_description(functions: MotionFunctions, name: str, token: str) -> ET.Element:
     """Return the description of the model with the signals and the capabilities of ``co_simulation.c``."""
     root = ET.Element("fmiModelDescription", fmiVersion="3.0", instantiationToken=token)
-    able = ("canHandleVariableCommunicationStepSize", "canGetAndSetFMUState", "canSerializeFMUState")
-    ET.SubElement(root, "CoSimulation", {"modelIdentifier": name, **dict.fromkeys(able, "true")})
+    capabilities = ("canHandleVariableCommunicationStepSize", "canGetAndSetFMUState", "canSerializeFMUState")
+    ET.SubElement(root, "CoSimulation", {"modelIdentifier": name, **dict.fromkeys(capabilities, "true")})
     categories = ET.SubElement(root, "LogCategories")
     for category in ("logStatus", "logStatusError"):
         ET.SubElement(categories, "Category", name=category)
     variables, structure = ET.SubElement(root, "ModelVariables"), ET.SubElement(root, "ModelStructure")
-    kinds = (
+    groups = (
         ({"causality": "independent"}, (Signal("time", "s", "time"),)),
         ({"causality": "parameter", "variability": "tunable", "initial": "exact"}, functions.parameters),
-        ({"causality": "local", "initial": "exact"}, (*functions.states, *functions.base[:MOVED])),
-        ({"causality": "input"}, (*functions.base[MOVED:], *LOAD)),
+        ({"causality": "local", "initial": "exact"}, (*functions.states, *functions.base[:BASE_STATES])),
+        ({"causality": "input"}, (*functions.base[BASE_STATES:], *LOAD)),
         ({"causality": "output", "initial": "calculated"}, functions.outputs),
     )
-    for known, signals in kinds:
+    for common, signals in groups:
         for signal in signals:
-            reference = str(len(variables))
-            about = {"name": signal.name, "valueReference": reference, "description": signal.description, **known}
-            about |= {"unit": signal.unit} if signal.unit != "1" else {}
-            about |= {} if known["causality"] in ("independent", "output") else {"start": repr(signal.value)}
-            ET.SubElement(variables, "Float64", about)
+            names = {"name": signal.name, "valueReference": str(len(variables)), "description": signal.description}
+            attributes = names | common | ({"unit": signal.unit} if signal.unit != "1" else {})
+            attributes |= {} if common["causality"] in ("independent", "output") else {"start": repr(signal.value)}
+            ET.SubElement(variables, "Float64", attributes)
     for element in ("Output", "InitialUnknown"):
         for variable in variables:
             if variable.attrib["causality"] == "output":

@@ -9,12 +9,12 @@ An FMU for model exchange holds the equation of motion, and the importer integra
 
 with q_t = v, v_t = rhs(q, v, (u, u_t, u_tt), p).  The FMU of a reduced model is not stiff.
 
-An FMU for co-simulation has steps of its own (``co_simulation``); a force at the tip is a further input.
+An FMU for co-simulation has its own integrator (``co_simulation``); a force at the tip is a further input.
 
-The base is driven by its accelerations, and its position and velocity are states.  They stay consistent however an
+The inputs are the accelerations of the base, whose position and velocity are states.  They stay consistent however an
 importer interpolates or holds its inputs; a prescribed position would excite axial waves at each kink.  The states
 start in the static equilibrium of the exported beam.  If a parameter is changed, the importer must set other start
-values; otherwise the beam swings to its new equilibrium.
+values; otherwise the beam swings about its new equilibrium.
 
 For model exchange, CasADi's DaeBuilder writes the equations and their derivatives as C, and the FMI wrapper.  The
 description of the model is completed: by all digits of the start values, the definitions of the units, the tolerance,
@@ -54,7 +54,7 @@ from ancf_casadi.reduction.reduced import ReducedFunctions
 from ancf_casadi.support.compilation import LIBRARY, c_compiler, compiler_failure
 from ancf_casadi.support.files import check_file, write_file
 from ancf_casadi.support.inputs import check_instance, choice
-from ancf_casadi.support.optional import installed
+from ancf_casadi.support.optional import find_module
 from ancf_casadi.support.tables import to_json
 from ancf_casadi.version import __version__
 
@@ -147,10 +147,10 @@ def write_fmu(
         folder = Path(temporary)
         tolerance = FMU_TOLERANCES[kind][isinstance(functions, ReducedFunctions)]
         if kind == "model-exchange":
-            root, content = _exchanged(functions, folder)
+            root, content = _model_exchange_files(functions, folder)
         else:
-            root, content = _stepping(functions, folder, headers, tolerance)
-        description = described(root, target.stem, functions, document, tolerance)
+            root, content = _co_simulation_files(functions, folder, headers, tolerance)
+        description = complete_description(root, target.stem, functions, document, tolerance)
         _advance(bar, "compiler")
         system, suffix = PLATFORMS.get(platform.system(), ("linux", "so"))
         library = folder / f"{MODEL}.{suffix}"
@@ -163,18 +163,18 @@ def write_fmu(
         }
     if document is not None:
         content["resources/beam.json"] = to_json(document.to_dict()).encode()
-    write_file(Path(path), _zipped(content))
+    write_file(Path(path), _zip_archive(content))
 
 
 def _fmi_headers() -> Path:
     """Return the folder of the FMI 3.0 headers, which the package fmpy contains."""
-    folder = Path(str(installed("fmpy", "an FMU needs its FMI headers").origin)).parent / "c-code"
+    folder = Path(str(find_module("fmpy", "an FMU needs its FMI headers").origin)).parent / "c-code"
     if not (folder / "fmi3Functions.h").is_file():
         raise InputError(f"has no FMI 3.0 headers: {folder} lacks fmi3Functions.h; install another version", "fmpy")
     return folder
 
 
-def _exchanged(functions: MotionFunctions, folder: Path) -> tuple[ET.Element, dict[str, bytes]]:
+def _model_exchange_files(functions: MotionFunctions, folder: Path) -> tuple[ET.Element, dict[str, bytes]]:
     """Write CasADi's FMU for model exchange to a folder; return its description, and its files by archived name."""
     with contextlib.chdir(folder):
         files = _dae_builder(functions).export_fmu({"with_serialization": False, "no_warning": True})
@@ -182,10 +182,10 @@ def _exchanged(functions: MotionFunctions, folder: Path) -> tuple[ET.Element, di
     return ET.parse(folder / "modelDescription.xml").getroot(), content
 
 
-def _stepping(
+def _co_simulation_files(
     functions: MotionFunctions, folder: Path, headers: Path, tolerance: str
 ) -> tuple[ET.Element, dict[str, bytes]]:
-    """Write the source for co-simulation to a folder, and return the same as ``_exchanged``."""
+    """Write the source for co-simulation to a folder; return its description, and its files by archived name."""
     source, token = co_simulation_source(functions, tolerance, headers)
     content = {f"sources/{MODEL}.c": source.encode(), "sources/buildDescription.xml": BUILD.encode()}
     (folder / f"{MODEL}.c").write_bytes(content[f"sources/{MODEL}.c"])
@@ -200,13 +200,16 @@ def _dae_builder(functions: MotionFunctions) -> cs.DaeBuilder:
         labels = [{"description": s.description, "unit": "" if s.unit == "1" else s.unit} for s in signals]
         return [dae.add(s.name, causality, variability, label) for s, label in zip(signals, labels, strict=True)]
 
-    based, driving = functions.base[: 2 * BASE_COORDINATES], functions.base[2 * BASE_COORDINATES :]
-    states, base_states = add(functions.states), add(based)
-    inputs, parameters = add(driving, "input"), add(functions.parameters, "parameter", "tunable")
+    base_state_signals, acceleration_signals = (
+        functions.base[: 2 * BASE_COORDINATES],
+        functions.base[2 * BASE_COORDINATES :],
+    )
+    states, base_states = add(functions.states), add(base_state_signals)
+    inputs, parameters = add(acceleration_signals, "input"), add(functions.parameters, "parameter", "tunable")
     outputs = add(functions.outputs, "output")
     for signal in (*functions.states, *functions.base, *functions.parameters):
         dae.set_start(signal.name, signal.value)
-    for signal in (*functions.states, *based):
+    for signal in (*functions.states, *base_state_signals):
         dae.set_initial(signal.name, "exact")
     q, v = cs.vertcat(*states[: functions.free]), cs.vertcat(*states[functions.free :])
     base, p = cs.vertcat(*base_states, *inputs), cs.vertcat(*parameters)
@@ -227,16 +230,16 @@ def _advance(bar: tqdm[NoReturn], step: str) -> None:
 
 
 def _compile(compiler: tuple[str, ...], sources: Sequence[Path], library: Path, headers: Path) -> None:
-    """Compile the sources of the FMU to a library that binds its names to itself."""
-    own = ["-Wl,-Bsymbolic"] if library.suffix == ".so" else []
-    failure = compiler_failure({library: [*compiler, *FMU_FLAGS, *own, f"-I{headers}", *map(str, sources)]})
+    """Compile the sources of the FMU to a library that resolves its own symbols first."""
+    linker_flags = ["-Wl,-Bsymbolic"] if library.suffix == ".so" else []
+    failure = compiler_failure({library: [*compiler, *FMU_FLAGS, *linker_flags, f"-I{headers}", *map(str, sources)]})
     if failure:
         advice = "check the command in CC, or use fewer elements or modes"
         raise InputError(f"cannot compile the FMU ({failure}); {advice}", shlex.join(compiler))
 
 
-def _zipped(content: dict[str, bytes]) -> bytes:
-    """Return a zip archive that depends on its content alone, not on the time."""
+def _zip_archive(content: dict[str, bytes]) -> bytes:
+    """Return a zip archive whose bytes depend on the content only, not on the time."""
     archive = io.BytesIO()
     with zipfile.ZipFile(archive, "w", zipfile.ZIP_DEFLATED) as file:
         for name in sorted(content):
@@ -244,10 +247,10 @@ def _zipped(content: dict[str, bytes]) -> bytes:
     return archive.getvalue()
 
 
-def described(
+def complete_description(
     root: ET.Element, title: str, functions: MotionFunctions, document: Document | None, tolerance: str
 ) -> bytes:
-    """Return a model description, completed for a model with a title and, if given, its document."""
+    """Complete a model description with the title, the origin, start values, units and tolerance; return it as XML."""
     provenance = document.provenance if document else Provenance.of_this()
     root.attrib |= {
         "modelName": _xml_text(title),
@@ -274,7 +277,7 @@ def _complete_variables(variables: ET.Element, functions: MotionFunctions) -> No
     differentiated = (*functions.states, *functions.base[: 2 * BASE_COORDINATES])
     signals = {s.name: s for s in (*functions.parameters, *functions.states, *functions.base, *functions.outputs)}
     derivative_units = {
-        f"der({one.name})": f"{one.unit}{2 if one.unit.endswith('/s') else '/s'}" for one in differentiated
+        f"der({signal.name})": f"{signal.unit}{2 if signal.unit.endswith('/s') else '/s'}" for signal in differentiated
     }
     for variable in list(variables):
         name = variable.attrib["name"]
@@ -303,17 +306,17 @@ def _summary(functions: MotionFunctions, document: Document | None) -> str:
     beam, law = document.model.beam, document.damping
     terms = law.laws if isinstance(law, SumOfLaws) else [law] if law else []
     damping = " and ".join(type(term).__name__ for term in terms) or "no damping"
-    parts = [f"Beam of {beam.elements} elements, {beam.length:g} m long, {damping}"]
-    parts += [f"modes kept: {functions.free}"] if reduced else []
-    parts += [f"identified by {found.summary()}" for found in document.identifications]
-    return "; ".join(parts)
+    clauses = [f"Beam of {beam.elements} elements, {beam.length:g} m long, {damping}"]
+    clauses += [f"modes kept: {functions.free}"] if reduced else []
+    clauses += [f"identified by {identification.summary()}" for identification in document.identifications]
+    return "; ".join(clauses)
 
 
 def _exponents(unit: str) -> dict[str, int] | None:
     """Return the exponents of the base units in a unit such as ``kg/m3``; None if FMI cannot express the unit."""
     exponents: dict[str, int] = {}
-    above, *below = unit.split("/")
-    for sign, product in [(1, above), *((-1, part) for part in below)]:
+    numerator, *denominators = unit.split("/")
+    for sign, product in [(1, numerator), *((-1, factor) for factor in denominators)]:
         for base, power in re.findall(r"([A-Za-z]+)([^ ]*)", product):
             if base not in BASE_UNITS or not re.fullmatch(r"\d*", power):
                 return None

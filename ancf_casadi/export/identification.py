@@ -17,12 +17,12 @@ from msgspec import Struct, to_builtins
 
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.export.structs import DataFile, IdentificationSpec, ProvenanceSpec
-from ancf_casadi.support.files import MOST_LEVELS, check, place
+from ancf_casadi.support.files import MAX_LEVELS, check, place
 from ancf_casadi.support.inputs import check_instance, instances, is_sequence, shown
 from ancf_casadi.support.specs import convert
 from ancf_casadi.version import __version__
 
-MOST_RESULT_LEVELS = MOST_LEVELS - 4  # of a result, which is four levels deep in a document
+MAX_RESULT_LEVELS = MAX_LEVELS - 4  # a result begins four levels deep in a document
 
 
 @dataclass(frozen=True)
@@ -63,8 +63,8 @@ class Identification:
         if not isinstance(result["kind"], str) or not result["kind"]:
             raise InputError(f"must be a text, got {shown(result['kind'])}", "result.kind")
         object.__setattr__(self, "result", _plain(self.result, "result"))
-        object.__setattr__(self, "data", instances(self.data, "data", DataFile, least=0))
-        _check(self, IdentificationSpec)
+        object.__setattr__(self, "data", instances(self.data, "data", DataFile, minimum=0))
+        _check_serialisable(self, IdentificationSpec)
 
     @classmethod
     def of(cls, result: Any, *, data: Sequence[str | Path] = ()) -> Identification:
@@ -94,8 +94,8 @@ class Identification:
         """
         if not is_sequence(data):
             raise InputError(f"must be a sequence of files, got {shown(data)}", "data")
-        found = result.to_dict() if hasattr(result, "to_dict") else result
-        return cls(found, [DataFile.of(path) for path in data])
+        fit_data = result.to_dict() if hasattr(result, "to_dict") else result
+        return cls(fit_data, [DataFile.of(path) for path in data])
 
     @property
     def kind(self) -> str:
@@ -105,12 +105,12 @@ class Identification:
     def summary(self) -> str:
         """Return one line: the kind, the files with their hashes, and the values with standard errors."""
         files = [f"{file.name} SHA-256 {file.sha256}" for file in self.data]
-        listed = self.result["estimates"]
-        rows = [one for one in listed if isinstance(one, Mapping)] if isinstance(listed, list) else []
-        found = [[one.get(key) for key in ("name", "value", "standard_error", "unit")] for one in rows]
+        estimates = self.result["estimates"]
+        rows = [row for row in estimates if isinstance(row, Mapping)] if isinstance(estimates, list) else []
+        cells = [[row.get(key) for key in ("name", "value", "standard_error", "unit")] for row in rows]
         values = [
             f"{name} {value:.6g} +- {error:.2g} {unit}".rstrip()
-            for name, value, error, unit in found
+            for name, value, error, unit in cells
             if isinstance(value, int | float) and isinstance(error, int | float)
         ]
         return f"{self.kind} ({', '.join([*files, *values])})" if files or values else self.kind
@@ -149,7 +149,7 @@ class Provenance:
     def __post_init__(self) -> None:
         """Validate."""
         check_instance(self.versions, "versions", Mapping)
-        _check(self, ProvenanceSpec)
+        _check_serialisable(self, ProvenanceSpec)
         try:
             datetime.datetime.fromisoformat(self.written)
         except ValueError:
@@ -169,15 +169,15 @@ class Provenance:
         return cls(now if written is None else written, versions, note)
 
 
-def _check(part: Any, kind: type[Struct]) -> None:
-    """Check that a document can hold a part of it."""
-    check(to_builtins(convert(part, kind)), "")
+def _check_serialisable(record: Any, layout: type[Struct]) -> None:
+    """Check that JSON can hold a record of this layout."""
+    check(to_builtins(convert(record, layout)), "")
 
 
 def _plain(value: Any, where: str, level: int = 1) -> Any:
     """Return the value as plain data, with None for floats that are not finite."""
-    if level > MOST_RESULT_LEVELS:
-        raise InputError(f"has more than {MOST_RESULT_LEVELS} levels", where)
+    if level > MAX_RESULT_LEVELS:
+        raise InputError(f"has more than {MAX_RESULT_LEVELS} levels", where)
     if isinstance(value, np.ndarray | np.generic):
         value = value.tolist()
     if isinstance(value, float):

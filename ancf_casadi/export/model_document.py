@@ -24,12 +24,12 @@ from ancf_casadi.export.structs import (
     DocumentSpec,
     IdentificationSpec,
     ProvenanceSpec,
-    read,
+    parse_document,
 )
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.mechanics.spec import BeamSpec, StrainMeasuresSpec, model_from
 from ancf_casadi.support.files import check_file, place, read_json, write_file
-from ancf_casadi.support.inputs import check_instance, instances, located
+from ancf_casadi.support.inputs import check_instance, error_prefix, instances
 from ancf_casadi.support.specs import convert
 from ancf_casadi.support.tables import to_json
 
@@ -75,13 +75,13 @@ class Document:
         check_instance(self.model, "model", Model)
         check_instance(self.damping, "damping", DampingLaw, NoneType)
         check_instance(self.provenance, "provenance", Provenance)
-        found = instances(self.identifications, "identifications", Identification, least=0)
-        object.__setattr__(self, "identifications", found)
+        identifications = instances(self.identifications, "identifications", Identification, minimum=0)
+        object.__setattr__(self, "identifications", identifications)
         _check_mesh(self.damping, self.model)
 
     def to_dict(self) -> dict[str, Any]:
         """Return the document as plain data; a damping law that it cannot hold raises an ``InputError``."""
-        data = DocumentSpec(
+        layout = DocumentSpec(
             format=DOCUMENT_FORMAT,
             schema=DOCUMENT_VERSION,
             beam=BeamSpec.of(self.model.beam),
@@ -90,8 +90,8 @@ class Document:
             identifications=convert(self.identifications, tuple[IdentificationSpec, ...]),
             provenance=convert(self.provenance, ProvenanceSpec),
         )
-        found: dict[str, Any] = msgspec.to_builtins(data)
-        return found
+        data: dict[str, Any] = msgspec.to_builtins(layout)
+        return data
 
 
 def write_document(path: str | Path, document: Document) -> None:
@@ -138,16 +138,16 @@ def read_document(path: str | Path) -> Document:
     (True, RayleighDamping(alpha=0.2))
     """
     data = read_json(path)
-    with located(str(path)):
-        found = read(data)
-        model = model_from(found.beam, found.strain_measures, "$")
-        law = None if found.damping is None else found.damping.law(model, "$.damping")
+    with error_prefix(str(path)):
+        layout = parse_document(data)
+        model = model_from(layout.beam, layout.strain_measures, "$")
+        law = None if layout.damping is None else layout.damping.law(model, "$.damping")
         identifications = []
-        for k, item in enumerate(found.identifications):
-            with located(place("$.identifications", k)):
+        for k, item in enumerate(layout.identifications):
+            with error_prefix(place("$.identifications", k)):
                 identifications.append(Identification(item.result, item.data))
-        with located("$.provenance"):
-            provenance = Provenance(**found.provenance.given())
+        with error_prefix("$.provenance"):
+            provenance = Provenance(**layout.provenance.set_fields())
         return Document(model, law, identifications, provenance)
 
 

@@ -46,22 +46,22 @@ from ancf_casadi.dynamics.signals import (
     values,
 )
 from ancf_casadi.exceptions import InputError
-from ancf_casadi.export.solved_functions import equilibrium_function, free_part, frequencies_function, step_function
+from ancf_casadi.export.solved_functions import equilibrium_function, free_block, frequencies_function, step_function
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.mechanics.nodes import NODE
 from ancf_casadi.reduction.reduced import ReducedFunctions
-from ancf_casadi.support.files import check_file, check_ours, opened, write_file
+from ancf_casadi.support.files import check_file, check_ours, open_file, write_file
 from ancf_casadi.support.inputs import check_instance, numbers, whole
 from ancf_casadi.vibration.modes import natural_modes
 from ancf_casadi.vibration.statics import static_equilibrium
 
-ALL = ("q", "v", "a", "base", "p")
-MOTION = ("q", "v", "base", "p")
-POSITION = ("q", "base")
+DYNAMIC_INPUTS = ("q", "v", "a", "base", "p")
+MOTION_INPUTS = ("q", "v", "base", "p")
+POSITION_INPUTS = ("q", "base")
 
 TITLE = "ancf-casadi functions"
 FUNCTIONS_FORMAT = f"{TITLE} 3"
-BEGINNING = f'{{"format": "{TITLE}'
+FILE_START = f'{{"format": "{TITLE}'
 SIGNAL_TABLES = ("parameters", "states", "base", "outputs")
 
 
@@ -156,57 +156,60 @@ def beam_functions(
     equations = Equations(model, RayleighDamping() if damping is None else damping)
     markers = numbers(markers, "markers")
     points = [cs.DM(model.interpolation(s)) for s in markers]
-    rest = static_equilibrium(model, loads=equations.law.loads(model.beam))
-    first = natural_modes(model, count=whole(modes, "modes", 1, model.freedoms), equilibrium=rest)
+    static_state = static_equilibrium(model, loads=equations.law.loads(model.beam))
+    lowest_modes = natural_modes(model, count=whole(modes, "modes", 1, model.freedoms), equilibrium=static_state)
     parameters, size = parameter_signals(equations), model.freedoms
     sizes = {"q": size, "v": size, "a": size, "base": len(base_signals()), "p": len(parameters)}
     symbols = {name: cs.MX.sym(name, size) for name, size in sizes.items()}
     balance, node = equations.balance_for(symbols["p"]), _base_node(model, symbols["base"])
-    e, e_t, e_tt = (model.whole(symbols[key], part) for key, part in zip(("q", "v", "a"), node, strict=True))
-    mass = free_part(model, model.mass(balance.properties))
-    stiffness = free_part(model, model.tangent_stiffness(e, balance.properties))
-    damped, conservative, inertia = balance.damping(e, e_t), balance.conservative(e), balance.inertia(e_tt)
-    damping_force = model.of_free(damped)
-    resisting = damping_force + model.of_free(conservative)
-    force = model.of_free(inertia) + resisting
-    # at zero acceleration of the free coordinates
-    without = model.of_free(balance.inertia(model.whole(cs.MX(size, 1), node[2]))) + resisting
+    e, e_t, e_tt = (model.whole(symbols[key], vector) for key, vector in zip("qva", node, strict=True))
+    mass = free_block(model, model.mass(balance.properties))
+    stiffness = free_block(model, model.tangent_stiffness(e, balance.properties))
+    all_damping, conservative, inertia = balance.damping(e, e_t), balance.conservative(e), balance.inertia(e_tt)
+    damping_force = model.of_free(all_damping)
+    resisting_force = damping_force + model.of_free(conservative)
+    force = model.of_free(inertia) + resisting_force
+    # with zero acceleration of the free coordinates
+    bias_force = model.of_free(balance.inertia(model.whole(cs.MX(size, 1), node[2]))) + resisting_force
     jacobians = {**_state_jacobians(balance, e, e_t), "dr_da": mass}
-    of_inputs = {f"dr_d{name}": _jacobian(force, symbols[name]) for name in ("base", "p")}
+    input_jacobians = {f"dr_d{name}": _jacobian(force, symbols[name]) for name in ("base", "p")}
 
     def function(name: str, inputs: Sequence[str], **results: cs.MX) -> cs.Function:
         """Return a Function of some of the symbols, with named outputs."""
         return cs.Function(name, [symbols[key] for key in inputs], [*results.values()], [*inputs], [*results])
 
-    residual = function("residual", ALL, r=force)
-    equilibrium = equilibrium_function(first.equilibrium, equations, values(parameters))
+    residual = function("residual", DYNAMIC_INPUTS, r=force)
+    equilibrium = equilibrium_function(lowest_modes.equilibrium, equations, values(parameters))
     return BeamFunctions(
         parameters=parameters,
-        states=state_signals(first.equilibrium),
+        states=state_signals(lowest_modes.equilibrium),
         base=base_signals(),
         outputs=output_signals(markers),
         residual=residual,
-        residual_jacobians=function("residual_jacobians", ALL, **jacobians, **of_inputs),
-        rhs=function("rhs", MOTION, a=-_divided(without, mass, model)),
+        residual_jacobians=function("residual_jacobians", DYNAMIC_INPUTS, **jacobians, **input_jacobians),
+        rhs=function("rhs", MOTION_INPUTS, a=-_solve_mass_matrix(bias_force, mass, model)),
         mass=function("mass", ("p",), M=mass),
-        tangent_stiffness=function("tangent_stiffness", (*POSITION, "p"), K=stiffness),
-        damping_force=function("damping_force", MOTION, Q=damping_force),
-        tip=function("tip", POSITION, r=cs.DM(model.interpolation(model.beam.length)) @ e),
-        markers=function("markers", POSITION, r=cs.horzcat(cs.MX(2, 0), *(point @ e for point in points))),
+        tangent_stiffness=function("tangent_stiffness", (*POSITION_INPUTS, "p"), K=stiffness),
+        damping_force=function("damping_force", MOTION_INPUTS, Q=damping_force),
+        tip=function("tip", POSITION_INPUTS, r=cs.DM(model.interpolation(model.beam.length)) @ e),
+        markers=function("markers", POSITION_INPUTS, r=cs.horzcat(cs.MX(2, 0), *(point @ e for point in points))),
         energies=function(
             "energies",
-            MOTION,
+            MOTION_INPUTS,
             T=cs.dot(e_t, balance.inertia(e_t)) / 2,
             U=model.strain_energy(e, balance.properties),
             V=-cs.dot(e, model.gravity_force(balance.properties, balance.gravity)),
         ),
-        clamp_force=function("clamp_force", ALL, F=model.of_base(inertia + damped + conservative)[:2]),
+        clamp_force=function("clamp_force", DYNAMIC_INPUTS, F=model.of_base(inertia + all_damping + conservative)[:2]),
         equilibrium=equilibrium,
-        frequencies=frequencies_function(first, equations, equilibrium),
+        frequencies=frequencies_function(lowest_modes, equations, equilibrium),
         step=step_function(
             residual,
-            function("step_jacobians", ALL, **jacobians),
-            (cs.diag(free_part(model, model.mass(model.properties))), cs.DM(first.equilibrium.stiffness.diagonal())),
+            function("step_jacobians", DYNAMIC_INPUTS, **jacobians),
+            (
+                cs.diag(free_block(model, model.mass(model.properties))),
+                cs.DM(lowest_modes.equilibrium.stiffness.diagonal()),
+            ),
             model.beam.length,
         ),
     )
@@ -218,8 +221,8 @@ def _base_node(model: Model, base: cs.MX) -> list[cs.MX]:
     t = cs.MX.sym("t")
     displacement = position + velocity * t + acceleration * t**2 / 2
     (node,) = cs.graph_substitute([clamped_node(model, displacement, t)], [t], [cs.MX(0.0)])
-    found: list[cs.MX] = cs.vertsplit(node, NODE)
-    return found
+    vectors: list[cs.MX] = cs.vertsplit(node, NODE)
+    return vectors
 
 
 def _state_jacobians(balance: Balance, e: cs.MX, e_t: cs.MX) -> dict[str, cs.MX]:
@@ -237,21 +240,21 @@ def _jacobian(expression: cs.MX, symbol: cs.MX) -> cs.MX:
     return cs.jacobian(expression, symbol, {"helper_options": {"max_num_dir": 1}})
 
 
-def _divided(forces: cs.MX, mass: cs.MX, model: Model) -> cs.MX:
-    """Return M^-1 Q; if x and y have the same mass matrix, one factor of half the size serves both."""
+def _solve_mass_matrix(forces: cs.MX, mass: cs.MX, model: Model) -> cs.MX:
+    """Return M^-1 Q; if x and y have the same mass matrix, factorise it once for both."""
     x, y = slice(0, None, 2), slice(1, None, 2)
-    own = free_part(model, model.mass(model.properties))
-    odd = bool(model.freedoms % 2)
-    if odd or cs.norm_inf(own[x, y]) > 0 or cs.norm_inf(own[x, x] - own[y, y]) > 0:
+    model_mass = free_block(model, model.mass(model.properties))
+    odd_count = bool(model.freedoms % 2)
+    if odd_count or cs.norm_inf(model_mass[x, y]) > 0 or cs.norm_inf(model_mass[x, x] - model_mass[y, y]) > 0:
         return cs.solve(mass, forces, "ldl")
-    each = cs.solve(mass[x, x], cs.horzcat(forces[x], forces[y]), "ldl")
-    return cs.vec(each.T)
+    accelerations = cs.solve(mass[x, x], cs.horzcat(forces[x], forces[y]), "ldl")
+    return cs.vec(accelerations.T)
 
 
 def save_functions(functions: BeamFunctions | ReducedFunctions, path: str | Path) -> None:
     """Save the Functions to a file, usually named ``.casadi``; an earlier file of this kind is replaced.
 
-    Of a ``ReducedModel``, the Functions and tables are saved, but not its modes and its damping law.
+    The file of a ``ReducedModel`` holds its Functions and tables, but not its modes and its damping law.
 
     Raises
     ------
@@ -271,14 +274,14 @@ def save_functions(functions: BeamFunctions | ReducedFunctions, path: str | Path
     """
     check_instance(functions, "functions", *MODELS.values())
     target = check_file(path)
-    check_ours(target, BEGINNING)
+    check_ours(target, FILE_START)
     tables = {name: [asdict(signal) for signal in getattr(functions, name)] for name in SIGNAL_TABLES}
-    (kind,) = (name for name, kept in MODELS.items() if isinstance(functions, kept))
-    head = {"format": FUNCTIONS_FORMAT, "model": kind, "casadi": cs.CasadiMeta.version(), **tables}
+    (kind,) = (name for name, model_class in MODELS.items() if isinstance(functions, model_class))
+    header = {"format": FUNCTIONS_FORMAT, "model": kind, "casadi": cs.CasadiMeta.version(), **tables}
     serializer = cs.StringSerializer()
     for function in functions.functions:
         serializer.pack(function)
-    write_file(target, f"{json.dumps(head)}\n{serializer.encode()}")
+    write_file(target, f"{json.dumps(header)}\n{serializer.encode()}")
 
 
 def load_functions(path: str | Path) -> BeamFunctions | ReducedFunctions:
@@ -301,25 +304,25 @@ def load_functions(path: str | Path) -> BeamFunctions | ReducedFunctions:
     ['q', 'v', 'base', 'p']
     """
     where = str(path)
-    with opened(path) as file:
+    with open_file(path) as file:
         content = file.read()
     try:
-        first, _, rest = content.decode().partition("\n")
-        head = json.loads(first)
-        if head["format"] != FUNCTIONS_FORMAT:
-            raise ValueError(head["format"])
-        writer, kind = head["casadi"], head["model"]
+        header_line, _, serialized = content.decode().partition("\n")
+        header = json.loads(header_line)
+        if header["format"] != FUNCTIONS_FORMAT:
+            raise ValueError(header["format"])
+        writer_version, kind = header["casadi"], header["model"]
         names = [field.name for field in fields(MODELS[kind]) if field.name not in SIGNAL_TABLES]
-        tables: dict[str, Any] = {name: tuple(Signal(**entry) for entry in head[name]) for name in SIGNAL_TABLES}
+        tables: dict[str, Any] = {name: tuple(Signal(**entry) for entry in header[name]) for name in SIGNAL_TABLES}
     except (ValueError, KeyError, TypeError, RecursionError):
         raise InputError("is not a file of Functions of this version; export it again", where) from None
-    if writer != cs.CasadiMeta.version():
+    if writer_version != cs.CasadiMeta.version():
         raise InputError(
-            f"was written by CasADi {writer}, but {cs.CasadiMeta.version()} is in use; export it again", where
+            f"was written by CasADi {writer_version}, but {cs.CasadiMeta.version()} is in use; export it again", where
         )
     try:
-        deserializer = cs.StringDeserializer(rest)
-        found: dict[str, Any] = {name: deserializer.unpack() for name in names}
+        deserializer = cs.StringDeserializer(serialized)
+        functions: dict[str, Any] = {name: deserializer.unpack() for name in names}
     except RuntimeError:
         raise InputError("is damaged; export it again", where) from None
-    return MODELS[kind](**tables, **found)
+    return MODELS[kind](**tables, **functions)

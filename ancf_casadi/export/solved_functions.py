@@ -16,10 +16,10 @@ the model.  The scaling keeps the large axial stiffness out of the condition num
 
 One further Newton step checks the equilibrium; the modes are checked by their residuals, their order and their sign.
 The modes are those with the eigenvalues nearest to zero.  Far beyond buckling, negative eigenvalues can be farther from
-zero than the modes asked for and are then not seen; ``natural_modes`` refuses such a beam.
+zero than the requested modes and then remain undetected; ``natural_modes`` refuses such a beam.
 
 Step, for C and for programs without an integrator.  The method of Alexander is singly diagonally implicit, of order 2,
-L-stable (motion too fast for the step decays) and stiffly accurate.  Its stages solve, one after the other,
+L-stable (motion too fast for the step decays) and stiffly accurate.  Its successive stages solve
 
     r(q_i, v_i, a_i) = 0,    v_i = v^ + g h a_i,    q_i = q^ + g h v_i,
     q^ = q + h sum_{j<i} A_ij v_j,    v^ = v + h sum_{j<i} A_ij a_j,
@@ -27,8 +27,9 @@ L-stable (motion too fast for the step decays) and stiffly accurate.  Its stages
 with two stages, g = A_ii = 1 - 1/2^(1/2) and A_21 = 1 - g.  The last stage is the end of the step.  The unknown is the
 scaled change x in q_i = q^ + g h v^ + c x; the scale c and that of the equations follow from diag(M/(g h)^2 + K) of the
 model.  The method of Kennedy and Carpenter, ARK4(3)6L[2]SA, has the same properties and order 4.  Its first stage is
-the start of the step, and its stages have order 2: the axial force, which almost is a constraint, spoils the order of a
-method without.  With weights d it estimates the error of a step, h sum_j d_j v_j and h sum_j d_j a_j.
+the start of the step, and its stages have order 2.  With stages of lower order, the axial force, which is almost a
+constraint, would reduce the order.  With weights d it estimates the error of a step, h sum_j d_j v_j and
+h sum_j d_j a_j.
 
 References
 ----------
@@ -57,11 +58,10 @@ from ancf_casadi.vibration.modes import Modes
 
 NEWTON_OPTIONS = {"error_on_fail": False, "max_iter": 12, "abstol": 0.0, "abstolStep": 1e-9}
 LOAD_STEPS = 8  # m, from the parameters of the model to p
-CERTAIN = 1e-9  # largest change in a further Newton step (relative to length and slope), and largest residual of a mode
+MAX_ERROR = 1e-9  # change in a further Newton step, relative to length and slope, and residual of a mode
 GAMMA = 1 - 1 / math.sqrt(2)
 
-
-Rows = tuple[tuple[float, ...], ...]  # of A up to the diagonal, which is constant but for a stage at the start
+Rows = tuple[tuple[float, ...], ...]  # of A up to the diagonal, which is constant except for an explicit first stage
 
 ALEXANDER: Rows = ((GAMMA,), (1 - GAMMA, GAMMA))
 KENNEDY_CARPENTER: Rows = (
@@ -78,7 +78,7 @@ KENNEDY_CARPENTER_ERROR = (  # d
 
 
 def stage_instants(rows: Rows) -> tuple[float, ...]:
-    """Return the instants of the stages, at which the base motion is needed, in steps."""
+    """Return the instants of the stages, as fractions of a step."""
     return tuple(math.fsum(row) for row in rows)
 
 
@@ -89,73 +89,73 @@ def newton(name: str, inputs: list[cs.MX], jacobian: cs.MX, equations: cs.MX) ->
     """Return (start, parameters) -> solution of the equations for the first input."""
     derivative = cs.Function(f"{name}_jacobian", inputs, [jacobian, equations])
     function = cs.Function(f"{name}_equations", inputs, [equations])
-    # unknowns up to which scalar operations are three times as fast as loops over the elements
-    if inputs[0].numel() <= 40:
+    if inputs[0].numel() <= 40:  # unknowns; up to this number, scalar operations are faster than loops over elements
         derivative, function = (f.expand(f.name(), {"cse": True}) for f in (derivative, function))
     return cs.rootfinder(name, "fast_newton", function, {**NEWTON_OPTIONS, "jacobian_function": derivative})
 
 
-def free_part(model: Model, matrix: Any) -> Any:
+def free_block(model: Model, matrix: Any) -> Any:
     """Return N^T A N of a sparse matrix A over all nodes, of numbers or symbols."""
     return matrix[NODE:, NODE:] if model.held_at_base_alone else model.whole_of_free.T @ matrix @ model.whole_of_free
 
 
-def certain(condition: cs.MX) -> cs.MX:
-    """Return 1 if the condition holds, else nan: a factor that makes a value and its derivatives nan."""
+def nan_unless(condition: cs.MX) -> cs.MX:
+    """Return a factor that is 1 if the condition holds, and otherwise makes a value and its derivatives nan."""
     return cs.if_else(condition, 1.0, math.nan)
 
 
-def equilibrium_function(rest: Equilibrium, equations: Equations, start: Array) -> cs.Function:
-    """Return p -> q, the free coordinates at rest under gravity, with the base as in the model."""
-    model, scale = rest.model, _scale(rest)
-    shift = model.beam.length * scale / scale.max()  # of the coordinates per unit of z
-    origin, base = cs.DM(model.of_free(rest.coordinates)), cs.DM(rest.coordinates[:NODE])
+def equilibrium_function(model_equilibrium: Equilibrium, equations: Equations, start: Array) -> cs.Function:
+    """Return p -> q, the free coordinates in equilibrium under gravity, with the base as in the model."""
+    model, scale = model_equilibrium.model, _coordinate_scale(model_equilibrium)
+    column_scale = model.beam.length * scale / scale.max()  # of the coordinates per unit of z
+    origin, base = cs.DM(model.of_free(model_equilibrium.coordinates)), cs.DM(model_equilibrium.coordinates[:NODE])
     z, p = cs.MX.sym("z", scale.size), cs.MX.sym("p", start.size)
-    balance, e = equations.balance_for(p), model.whole(origin + shift * z, base)
-    rows, columns = cs.DM(scale**2 / shift), cs.DM(shift)
-    residual = rows * model.of_free(balance.at_rest(e))
-    stiffness = scaled_matrix(free_part(model, model.tangent_stiffness(e, balance.properties)), rows, columns)
+    balance, e = equations.balance_for(p), model.whole(origin + column_scale * z, base)
+    row_scale, column_scales = cs.DM(scale**2 / column_scale), cs.DM(column_scale)
+    residual = row_scale * model.of_free(balance.at_rest(e))
+    tangent_stiffness = free_block(model, model.tangent_stiffness(e, balance.properties))
+    stiffness = scaled_matrix(tangent_stiffness, row_scale, column_scales)
     solve = newton("equilibrium_newton", [z, p], stiffness, residual)
-    found = cs.MX.zeros(scale.size)
+    solution = cs.MX.zeros(scale.size)
     for j in range(1, LOAD_STEPS + 1):
-        found = solve(found, cs.DM(start) + (p - cs.DM(start)) * (j / LOAD_STEPS))
+        solution = solve(solution, cs.DM(start) + (p - cs.DM(start)) * (j / LOAD_STEPS))
     step = cs.Function("step", [z, p], [cs.solve(stiffness, residual, "qr")])
-    change = cs.norm_inf(step(found, p) * (shift / model.free_scale))
-    q = (origin + shift * found) * certain(change < CERTAIN)
+    change = cs.norm_inf(step(solution, p) * (column_scale / model.free_scale))
+    q = (origin + column_scale * solution) * nan_unless(change < MAX_ERROR)
     return cs.Function("equilibrium", [p], [q], ["p"], ["q"])
 
 
 def frequencies_function(modes: Modes, equations: Equations, equilibrium: cs.Function) -> cs.Function:
-    """Return p -> f, the lowest natural frequencies about the ``equilibrium`` p -> q, Hz; ``modes`` are the guess."""
-    model, scale = modes.model, cs.DM(_scale(modes.equilibrium))
+    """Return p -> f, the lowest natural frequencies about the ``equilibrium`` p -> q, Hz, near those of ``modes``."""
+    model, scale = modes.model, cs.DM(_coordinate_scale(modes.equilibrium))
     p = cs.MX.sym("p", equilibrium.size1_in(0))
     properties = equations.balance_for(p).properties
     q: cs.MX = equilibrium(p)
     e = model.whole(q, cs.MX(cs.DM(modes.equilibrium.coordinates[:NODE])))
-    K = scaled_matrix(free_part(model, model.tangent_stiffness(e, properties)), scale, scale)
-    M = scaled_matrix(free_part(model, model.mass(properties)), scale, scale)
+    K = scaled_matrix(free_block(model, model.tangent_stiffness(e, properties)), scale, scale)
+    M = scaled_matrix(free_block(model, model.mass(properties)), scale, scale)
 
     start = cs.MX(cs.DM(model.of_free(modes.shapes)) / cs.repmat(scale, 1, modes.count))
     iterate = _inverse_iteration(K.sparsity(), M.sparsity(), modes.count)
     for _ in range(10):
         start = iterate(start, K, M)
     solve = _eigenpair(K.sparsity(), M.sparsity())
-    squares, residuals = [], []
+    eigenvalues, residuals = [], []
     for omega, psi in zip(modes.angular_frequencies, cs.horzsplit(start), strict=True):
         B = omega**2 * M
         pair = solve(cs.vertcat(psi / omega, cs.bilin(K, psi, psi) / omega**2), K, B)
         psi, mu = pair[:-1], pair[-1]
-        squares.append(omega**2 * mu)
+        eigenvalues.append(omega**2 * mu)
         residuals.append(cs.norm_inf(K @ psi - mu * (B @ psi)))
-    found = cs.vertcat(*squares)
-    converged = cs.mmax(cs.vertcat(*residuals)) < CERTAIN
-    ascending = cs.mmin(cs.vertcat(found[0], cs.diff(found))) > 0
-    sure = certain(cs.logic_and(ascending, converged))
-    return cs.Function("frequencies", [p], [cs.sqrt(found) / (2 * math.pi) * sure], ["p"], ["f"])
+    squared_frequencies = cs.vertcat(*eigenvalues)
+    converged = cs.mmax(cs.vertcat(*residuals)) < MAX_ERROR
+    ascending = cs.mmin(cs.vertcat(squared_frequencies[0], cs.diff(squared_frequencies))) > 0
+    validity = nan_unless(cs.logic_and(ascending, converged))
+    return cs.Function("frequencies", [p], [cs.sqrt(squared_frequencies) / (2 * math.pi) * validity], ["p"], ["f"])
 
 
-def _scale(rest: Equilibrium) -> Array:
-    return np.asarray(1 / np.sqrt(rest.stiffness.diagonal()))
+def _coordinate_scale(equilibrium: Equilibrium) -> Array:
+    return np.asarray(1 / np.sqrt(equilibrium.stiffness.diagonal()))
 
 
 def _inverse_iteration(K: cs.Sparsity, M: cs.Sparsity, count: int) -> cs.Function:
@@ -164,8 +164,8 @@ def _inverse_iteration(K: cs.Sparsity, M: cs.Sparsity, count: int) -> cs.Functio
     psi = cs.MX.sym("psi", K.size1(), count)
     columns: list[cs.MX] = []
     for column in cs.horzsplit(cs.solve(stiffness, mass @ psi, "ldl")):
-        for other in columns:
-            column -= cs.dot(other, mass @ column) * other
+        for earlier_column in columns:
+            column -= cs.dot(earlier_column, mass @ column) * earlier_column
         columns.append(column / cs.sqrt(cs.bilin(mass, column, column)))
     return cs.Function("inverse_iteration", [psi, stiffness, mass], [cs.horzcat(*columns)])
 
@@ -189,10 +189,11 @@ def step_function(
     error: Sequence[float] = (),
     rhs: cs.Function | None = None,
 ) -> cs.Function:
-    """Return (q, v, base, p, h) -> q_next, v_next, from (q, v, a, base, p) -> r and its dr_dq, dr_dv and dr_da.
+    """Return the step (q, v, base, p, h) -> q_next, v_next.
 
-    A scale follows from the ``diagonals`` of M and K and the ``length`` of the beam.  Further outputs are the estimated
-    errors of q_next and v_next, if there are weights of the ``error``.  A stage at the start needs ``rhs``.
+    The stages solve ``residual``, (q, v, a, base, p) -> r, with its ``jacobians`` dr_dq, dr_dv and dr_da.  Their
+    scale follows from the ``diagonals`` of M and K and the ``length`` of the beam.  With weights of the ``error``, the
+    estimated errors of q_next and v_next are further outputs.  An explicit first stage needs ``rhs``.
     """
     names = ("q", "v", "base", "p")
     q, v, base, p = (cs.MX.sym(name, residual.size1_in(name)) for name in names)
@@ -200,18 +201,19 @@ def step_function(
     motion = cs.MX.sym("base", base.numel(), len(tableau))
     s = 1 / (gamma * h)
     scale = 1 / cs.sqrt(diagonals[0] * s**2 + diagonals[1])
-    shift = length * scale / cs.mmax(scale)
-    rows = scale**2 / shift
+    column_scale = length * scale / cs.mmax(scale)
+    row_scale = scale**2 / column_scale
 
-    state = (q + v / s + shift * x, v + s * shift * x, s**2 * shift * x)
+    state = (q + v / s + column_scale * x, v + s * column_scale * x, s**2 * column_scale * x)
     dr_dq, dr_dv, dr_da = jacobians(*state, base, p)
-    known = [q, v, base, p, h]
-    unbalance = rows * residual(*state, base, p)
-    solve = newton("step_newton", [x, *known], scaled_matrix(dr_dq + s * dr_dv + s**2 * dr_da, rows, shift), unbalance)
-    found = solve(cs.MX(x.numel(), 1), *known)
-    *ends, left = cs.graph_substitute([*state, unbalance], [x], [found])
-    sure = certain(cs.norm_inf(left) < 1e-8)  # largest residual of the scaled equations
-    stage = cs.Function("stage", known, [end * sure for end in ends])
+    stage_inputs = [q, v, base, p, h]
+    unbalance = row_scale * residual(*state, base, p)
+    jacobian = scaled_matrix(dr_dq + s * dr_dv + s**2 * dr_da, row_scale, column_scale)
+    solve = newton("step_newton", [x, *stage_inputs], jacobian, unbalance)
+    solution = solve(cs.MX(x.numel(), 1), *stage_inputs)
+    *stage_end, stage_residual = cs.graph_substitute([*state, unbalance], [x], [solution])
+    validity = nan_unless(cs.norm_inf(stage_residual) < 1e-8)  # largest residual of the scaled equations
+    stage = cs.Function("stage", stage_inputs, [end * validity for end in stage_end])
 
     outputs: list[cs.MX] = []  # q and v at the last stage
     rates: list[tuple[cs.MX, cs.MX]] = []  # v and a at all stages
@@ -220,12 +222,12 @@ def step_function(
         """Return h times a weighted sum of the rates of q and v."""
         return [sum((w * h * rate[j] for w, rate in zip(weights, rates, strict=True)), cs.MX(0)) for j in range(2)]
 
-    for k, (*before, last) in enumerate(tableau):
-        if rhs is not None and not last:
+    for k, (*earlier_weights, diagonal_weight) in enumerate(tableau):
+        if rhs is not None and not diagonal_weight:
             rates = [(v, rhs(q, v, motion[:, k], p))]
             continue
-        moved = change(before)
-        *outputs, a_k = stage(q + moved[0], v + moved[1], motion[:, k], p, h)
+        increments = change(earlier_weights)
+        *outputs, a_k = stage(q + increments[0], v + increments[1], motion[:, k], p, h)
         rates.append((outputs[1], a_k))
     if error:
         outputs += change(error)

@@ -22,7 +22,7 @@ from msgspec import Meta, Struct
 from ancf_casadi.damping.spec import LawSpec
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.spec import BeamSpec, StrainMeasuresSpec
-from ancf_casadi.support.files import check, opened
+from ancf_casadi.support.files import check, open_file
 from ancf_casadi.support.inputs import shown
 from ancf_casadi.support.specs import Spec, convert
 
@@ -73,7 +73,7 @@ class DataFile(Struct, frozen=True, forbid_unknown_fields=True):
     def of(cls, path: str | Path) -> DataFile:
         """Return name and hash of a file; one that cannot be read raises an ``InputError``."""
         digest = hashlib.sha256()
-        with opened(path) as file:
+        with open_file(path) as file:
             while chunk := file.read(2**20):  # bytes
                 digest.update(chunk)
         name = os.fsencode(Path(path).name).decode(errors="replace")
@@ -107,8 +107,8 @@ class DocumentSpec(Spec, frozen=True):
     provenance: ProvenanceSpec
 
 
-def read(data: dict[str, Any]) -> DocumentSpec:
-    """Return plain data as a document; refuse another layout by its place, such as ``$.damping.laws[0].alpha``."""
+def parse_document(data: dict[str, Any]) -> DocumentSpec:
+    """Return plain data as a document; an error names the key, such as ``$.damping.laws[0].alpha``."""
     if data.get("format") != DOCUMENT_FORMAT:
         raise InputError(f"must be {DOCUMENT_FORMAT!r}: the file is not a document of this toolkit", "$.format")
     version = data.get("schema")
@@ -129,11 +129,11 @@ def schema() -> dict[str, Any]:
     >>> schema()["$schema"]
     'https://json-schema.org/draft/2020-12/schema'
     """
-    head = {
+    identifiers = {
         "$schema": "https://json-schema.org/draft/2020-12/schema",
         "$id": f"urn:{DOCUMENT_FORMAT}:document:{DOCUMENT_VERSION}",
     }
-    found = msgspec.json.schema(DocumentSpec)
-    for definition in found["$defs"].values():
+    layout = msgspec.json.schema(DocumentSpec)
+    for definition in layout["$defs"].values():
         definition["description"] = definition["description"].partition("\n")[0]
-    return head | found
+    return identifiers | layout

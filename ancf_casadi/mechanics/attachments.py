@@ -10,7 +10,7 @@ from dataclasses import dataclass, fields
 from typing import Any, final
 
 from ancf_casadi.mechanics.supports import check_point
-from ancf_casadi.support.inputs import keep_checked, not_negative, sized, vector
+from ancf_casadi.support.inputs import check_fields, limited_number, not_negative, vector
 from ancf_casadi.support.tables import Displayed
 
 
@@ -40,7 +40,7 @@ class Attachment(Displayed):
     def __post_init__(self) -> None:
         """Validate; the fields of a kind are amounts, or pairs of amounts along x and y."""
         amounts = {parameter.name: _amount if parameter.type == "float" else _pair for parameter in fields(self)[1:]}
-        keep_checked(self, point=check_point, **amounts)
+        check_fields(self, point=check_point, **amounts)
 
 
 @final
@@ -158,7 +158,7 @@ class Dashpot(Attachment):
 
 def _amount(value: Any, where: str) -> float:
     """Return a number of 0 or more whose powers are finite."""
-    return sized(not_negative(value, where), where)
+    return limited_number(not_negative(value, where), where)
 
 
 def _pair(values: Any, where: str) -> tuple[float, float]:

@@ -34,11 +34,11 @@ from ancf_casadi.mechanics.supports import Clamp, Support, snap_to_point
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.files import read_toml
 from ancf_casadi.support.inputs import (
+    check_fields,
     check_size,
+    error_prefix,
     instances,
     is_sequence,
-    keep_checked,
-    located,
     numbers,
     positive,
     shown,
@@ -117,7 +117,7 @@ class Beam(Displayed):
 
     def __post_init__(self) -> None:
         """Validate, and normalise the axis."""
-        keep_checked(self, length=positive)
+        check_fields(self, length=positive)
         for name in PROPERTIES:
             if not is_sequence(getattr(self, name)):
                 raise InputError("must have one value per element; Beam.uniform also takes one number", name)
@@ -125,7 +125,7 @@ class Beam(Displayed):
             if len(getattr(self, name)) != len(self.width):
                 raise InputError(f"has {len(getattr(self, name))} values for {len(self.width)} elements", name)
         whole(self.elements, "elements", MINIMUM_ELEMENTS, MAXIMUM_ELEMENTS)
-        keep_checked(self, axis=unit_vector, gravity=vector)
+        check_fields(self, axis=unit_vector, gravity=vector)
         for name in INITIAL:
             initial_values = numbers(getattr(self, name), name)
             if len(initial_values) not in (0, self.elements):
@@ -133,7 +133,7 @@ class Beam(Displayed):
             check_size(initial_values or 0.0, name)
             object.__setattr__(self, name, initial_values if any(initial_values) else ())
         kinds = {"supports": Support, "attachments": Attachment}
-        items = {name: instances(getattr(self, name), name, kind, least=0) for name, kind in kinds.items()}
+        items = {name: instances(getattr(self, name), name, kind, minimum=0) for name, kind in kinds.items()}
         points = np.array([0.0, self.length, *sorted(item.point for item in itertools.chain(*items.values()))])
         for name in items:
             snapped = (snap_to_point(item, points, SAME_POINT * self.length) for item in items[name])
@@ -237,7 +237,7 @@ class Beam(Displayed):
         if "beam" not in (tables := read_toml(path)):
             raise InputError("the table is missing", where)
         spec = convert(tables["beam"], BeamSpec, where)
-        with located(where):
+        with error_prefix(where):
             return spec.beam()
 
     @property

@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.beam import Beam
 from ancf_casadi.mechanics.supports import check_point
-from ancf_casadi.support.inputs import flag, keep_checked, number, positive, sized, sized_vector, vector
+from ancf_casadi.support.inputs import check_fields, flag, limited_number, limited_vector, number, positive, vector
 from ancf_casadi.support.tables import Displayed
 
 
@@ -58,7 +58,7 @@ class PointLoad(Displayed):
 
     def __post_init__(self) -> None:
         """Validate."""
-        keep_checked(self, follower=flag, force=sized_vector, moment=sized)
+        check_fields(self, follower=flag, force=limited_vector, moment=limited_number)
         if self.point is not None:
             check_point(self.point)
 
@@ -146,7 +146,7 @@ class LineLoad(Displayed):
 
     def __post_init__(self) -> None:
         """Validate."""
-        keep_checked(self, force=sized_vector, follower=flag)
+        check_fields(self, force=limited_vector, follower=flag)
         check_point(self.begin, "begin")
         if self.end is not None and number(self.end, "end") <= self.begin:
             raise InputError(f"must be beyond the beginning at {self.begin:g} m, got {self.end:g}", "end")

@@ -19,8 +19,8 @@ from ancf_casadi.mechanics.lumped import PROPERTIES
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.mechanics.strain import AxialStrain, Curvature, StrainMeasures
 from ancf_casadi.mechanics.supports import Clamp, Guide, Pin, Roller, Support
-from ancf_casadi.support.inputs import located
-from ancf_casadi.support.specs import NotNegative, Pair, Positive, PositiveOrInfinite, Spec, convert, place_of
+from ancf_casadi.support.inputs import error_prefix
+from ancf_casadi.support.specs import NotNegative, Pair, Positive, PositiveOrInfinite, Spec, convert, value_place
 
 Point = Annotated[float, Meta(ge=0.0, description="m")]
 Displacement = Annotated[Pair, Meta(description="m")]
@@ -40,7 +40,7 @@ class LumpedSpec(Spec, frozen=True, tag_field="kind"):
 
     def object(self) -> Any:
         """Return the support or attachment."""
-        values = {name: math.inf if value is None else value for name, value in self.given().items()}
+        values = {name: math.inf if value is None else value for name, value in self.set_fields().items()}
         return self.described(**values)
 
 
@@ -138,8 +138,8 @@ class ConfigurationSpec(Spec, frozen=True):
 
     def other_model(self, model: Model, where: str) -> Model | None:
         """Return a model in this configuration; None if it is the same."""
-        with located(where):
-            changes = _with_objects(self.given())
+        with error_prefix(where):
+            changes = _with_objects(self.set_fields())
             return Model(model.beam.with_(**changes), model.measures) if changes else None
 
 
@@ -173,7 +173,7 @@ class BeamSpec(Spec, frozen=True):
 
     def beam(self) -> Beam:
         """Return the beam; refuse values that make none."""
-        arguments = _with_objects(self.given())
+        arguments = _with_objects(self.set_fields())
         lists = [arguments[name] for name in PROPERTIES if isinstance(arguments[name], tuple)]
         if "elements" not in arguments and not lists:
             raise InputError("the key 'elements' is missing")
@@ -202,10 +202,10 @@ def lumped_spec(component: Support | Attachment) -> LumpedSpec:
 
 def model_from(beam: BeamSpec, measures: StrainMeasuresSpec, where: str) -> Model:
     """Return the model of a document's beam and strain measures at a place; refuse values that make no beam."""
-    with located(place_of(where, ["beam"])):
+    with error_prefix(value_place(where, ["beam"])):
         beam_object = beam.beam()
-    with located(place_of(where, ["strain_measures"])):
-        return Model(beam_object, StrainMeasures(**measures.given()))
+    with error_prefix(value_place(where, ["strain_measures"])):
+        return Model(beam_object, StrainMeasures(**measures.set_fields()))
 
 
 def _with_objects(arguments: dict[str, Any]) -> dict[str, Any]:
@@ -213,7 +213,7 @@ def _with_objects(arguments: dict[str, Any]) -> dict[str, Any]:
     for name in ("supports", "attachments"):
         objects = []
         for k, spec in enumerate(arguments.get(name, ()), start=1):
-            with located(f"{name}: {k}"):
+            with error_prefix(f"{name}: {k}"):
                 objects.append(spec.object())
         if name in arguments:
             arguments[name] = tuple(objects)

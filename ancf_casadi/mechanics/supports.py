@@ -22,7 +22,7 @@ import numpy as np
 
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.support.arrays import Array
-from ancf_casadi.support.inputs import keep_checked, number, positive_or_infinite, sized_vector, unit_vector
+from ancf_casadi.support.inputs import check_fields, limited_vector, number, positive_or_infinite, unit_vector
 from ancf_casadi.support.tables import Displayed
 
 
@@ -57,9 +57,9 @@ class Support(Displayed):
 
     def __post_init__(self) -> None:
         """Validate."""
-        keep_checked(self, point=check_point, displacement=sized_vector)
+        check_fields(self, point=check_point, displacement=limited_vector)
         further = {"rotation": number, "direction": unit_vector, "stiffness": positive_or_infinite}
-        keep_checked(self, **{name: check for name, check in further.items() if hasattr(self, name)})
+        check_fields(self, **{name: check for name, check in further.items() if hasattr(self, name)})
 
     @property
     def sliding(self) -> tuple[float, float] | None:

@@ -33,11 +33,11 @@ class RecordedChannel(Displayed):
 
     number: int  # number of the column in the file, from 1
     name: str
-    values: Array  # its numbers in the unit of the file; nan marks a gap
+    values: Array  # in the unit of the file; nan marks a gap
     symbol: str = ""  # unit as written in the file; empty if there is none
-    unit: Unit | None = None  # meaning of the unit; None if there is none, or if it is not understood
-    time: Array | None = None  # time of each number, s, if the file gives it
-    fault: str = ""  # reason why the column cannot be used; empty if it can
+    unit: Unit | None = None  # None if there is no unit, or it is unknown
+    time: Array | None = None  # time of each value, s, if the file states it
+    fault: str = ""  # reason why the column cannot be used; empty if there is none
     reference: str = ""  # of a frequency response function: its input, if the file names it
 
     @property
@@ -60,7 +60,7 @@ class Recording(Displayed):
     channels : tuple of RecordedChannel
         The channels without the time, each with its values as written, its unit and its times.
     notes : tuple of str
-        Decisions of the reader that the user should know.
+        Decisions of the reader of which the user should be aware.
     lines : ndarray, optional
         Line of each row in a text file.
     step : float, optional
@@ -103,24 +103,28 @@ class Recording(Displayed):
     def channel(self, column: str | int | None = None) -> RecordedChannel:
         """Return the channel with a name or number, or the only one with measured values; it must be usable."""
         if column is not None:
-            found = find_channel(self.channels, column, "--column", self.path)
+            channel = find_channel(self.channels, column, "--column", self.path)
         else:
             values = [c for c in self.channels if not is_time(c) and not is_counter(c)]
             usable = [channel for channel in values if not channel.fault] or values or list(self.channels)
             if len(usable) != 1:
-                what = f"has {len(usable)} columns of values, {listed(usable)}" if usable else "has no column of values"
-                raise InputError(f"{what}; choose with --column" if usable else what, self.path)
-            (found,) = usable
-        if found.fault:
-            raise InputError(found.fault, f"{self.path}: column {found.label}")
-        return found
+                fault = (
+                    f"has {len(usable)} columns of values, {list_labels(usable)}"
+                    if usable
+                    else "has no column of values"
+                )
+                raise InputError(f"{fault}; choose with --column" if usable else fault, self.path)
+            (channel,) = usable
+        if channel.fault:
+            raise InputError(channel.fault, f"{self.path}: column {channel.label}")
+        return channel
 
     def place(self, row: int) -> str:
         """Return the place of a row in the file, for messages."""
         return f"sample {row + 1}" if self.lines is None else f"line {self.lines[row]}"
 
     def _summary(self) -> str:
-        samples = max((len(own.values) for own in self.channels), default=0)
+        samples = max((len(channel.values) for channel in self.channels), default=0)
         return f"{self.name!r}, {counted(len(self.channels), 'channel')}, {counted(samples, 'sample')}"
 
 
@@ -135,30 +139,30 @@ def find_channel(channels: Sequence[RecordedChannel], wanted: object, option: st
     if len(named) == 1:
         return named[0]
     fault = f"{len(named)} columns are named {shown(wanted)}; give the number" if named else "there is no such column"
-    raise InputError(f"{option} {shown(wanted)}: {fault}; there are {listed(channels)}", path)
+    raise InputError(f"{option} {shown(wanted)}: {fault}; there are {list_labels(channels)}", path)
 
 
-def listed(channels: Sequence[RecordedChannel]) -> str:
+def list_labels(channels: Sequence[RecordedChannel]) -> str:
     """Return numbers and names of channels, for messages."""
     shortened = ", ".join(channel.label for channel in channels[:8])
     return f"{shortened}, ... ({len(channels)} in all)" if len(channels) > 8 else shortened
 
 
-def _field(name: str) -> str:
-    """Return the name, or the last one of a path such as ``run[2].time``."""
+def _last_name(name: str) -> str:
+    """Return the name, or the last component of a path such as ``run[2].time``."""
     return name.rpartition(".")[2] if PATH.fullmatch(name) else name.strip()
 
 
 def is_time(channel: RecordedChannel) -> bool:
-    """Return whether the name or the unit of a channel tells that it holds times."""
-    return bool(channel.unit and channel.unit.quantity == "time") or names_time(_field(channel.name))
+    """Return whether the name or the unit of a channel denotes times."""
+    return bool(channel.unit and channel.unit.quantity == "time") or names_time(_last_name(channel.name))
 
 
 def is_frequency(channel: RecordedChannel) -> bool:
-    """Return whether the name or the unit of a channel tells that it holds frequencies."""
+    """Return whether the name or the unit of a channel denotes frequencies."""
     if channel.unit or channel.symbol:
         return bool(channel.unit and channel.unit.quantity == "frequency")
-    if FREQUENCY_NAME.fullmatch(_field(channel.name)) is None:
+    if FREQUENCY_NAME.fullmatch(_last_name(channel.name)) is None:
         return False
     values = channel.values[np.isfinite(channel.values)]  # f may be a force as well
     return bool((values >= 0.0).all()) and (
@@ -168,12 +172,12 @@ def is_frequency(channel: RecordedChannel) -> bool:
 
 def is_counter(channel: RecordedChannel) -> bool:
     """Return whether a channel counts the samples or the frames."""
-    whole = COUNTER_NAME.fullmatch(_field(channel.name)) is not None and not channel.symbol
+    named = COUNTER_NAME.fullmatch(_last_name(channel.name)) is not None and not channel.symbol
     numbers = channel.values[np.isfinite(channel.values)]
-    return whole and bool(np.all(numbers == np.floor(numbers)))
+    return named and bool(np.all(numbers == np.floor(numbers)))
 
 
 def unit_notes(channels: Sequence[RecordedChannel]) -> tuple[str, ...]:
-    """Return a note of the channels without a unit, if there are any."""
+    """Return a note on the channels without a unit, if there are any."""
     bare = [channel for channel in channels if not (channel.symbol or channel.fault or is_counter(channel))]
-    return (f"no unit is given for {listed(bare)}; SI units are assumed",) if bare else ()
+    return (f"no unit is given for {list_labels(bare)}; SI units are assumed",) if bare else ()

@@ -31,16 +31,16 @@ def spectra_figure(
     """Draw series over time and their spectra, one below the other, and mark the release (s) if it is not nan."""
     figure = Figure(figsize=(10, 1.4 + 1.8 * len(series)), layout="constrained")
     rows = figure.subplots(len(series), 2, sharex="col", squeeze=False, width_ratios=(3, 2))
-    for (left, right), (label, time, values, (grid, even)) in zip(rows, series, strict=True):
-        _draw(left, time, values)
-        left.set(ylabel=label)
+    for (time_axes, spectrum_axes), (label, time, values, (grid, even_values)) in zip(rows, series, strict=True):
+        _draw(time_axes, time, values)
+        time_axes.set(ylabel=label)
         if math.isfinite(release):
-            left.axvline(release, ls=":", lw=0.8, color=MEASURED)
-        frequency, spectrum = amplitude_spectrum(grid, even)
-        right.semilogy(
+            time_axes.axvline(release, ls=":", lw=0.8, color=MEASURED)
+        frequency, spectrum = amplitude_spectrum(grid, even_values)
+        spectrum_axes.semilogy(
             frequency[1:], np.maximum(spectrum[1:], 1e-6 * spectrum.max(initial=1e-300)), lw=0.6, color=COMPUTED
         )
-        right.set(ylabel="amplitude")
+        spectrum_axes.set(ylabel="amplitude")
     rows[0, 0].set(title=title)
     rows[-1, 0].set(xlabel="time, s")
     rows[-1, 1].set(xlabel="frequency, Hz")

@@ -1,4 +1,4 @@
-"""Layout of the table in a file, as far as the file does not show it: rows and columns that a user names."""
+"""Layout of the table in a file that its reader cannot recognise: rows and columns that a user names."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from ancf_casadi.support.tables import Displayed
 
 @dataclass(frozen=True)
 class TableLayout(Displayed):
-    """Rows and columns of a file that its reader cannot tell by itself.
+    """Rows and columns of a file that its reader cannot recognise.
 
     The fields are also options of the commands (``--names-row``) and keys of TOML files (``names_row``).
 

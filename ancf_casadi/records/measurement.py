@@ -16,21 +16,21 @@ from ancf_casadi.records.channel import Recording, unit_notes
 from ancf_casadi.records.layout import NO_LAYOUT, TableLayout
 from ancf_casadi.records.processing import (
     amplitude_spectrum,
-    decimated,
-    in_band,
+    band_pass,
+    decimate,
     quality_warnings,
     sampling_step,
     without_line,
 )
 from ancf_casadi.records.recording import read_recording
-from ancf_casadi.records.sensor import Sensor, sensor_of
+from ancf_casadi.records.sensor import Sensor, assign_sensor
 from ancf_casadi.records.units import known_unit
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.figures import Figure
-from ancf_casadi.support.inputs import LARGEST_TIME, array, check_instance, located, number, physical, whole
+from ancf_casadi.support.inputs import LARGEST_TIME, array, check_instance, error_prefix, number, physical, whole
 from ancf_casadi.support.tables import Displayed, counted, spread
 
-SHORTEST = 30  # new samples of a record that can be decimated: the length of the filter
+MIN_SAMPLES = 30  # new samples of a record that can be decimated: the length of the filter
 
 
 @dataclass(frozen=True, eq=False, init=False)
@@ -126,15 +126,15 @@ class Measurement(Displayed):
         time, time_unit, sample_rate, layout, progress
             See ``read_recording``.
         unit : str, optional
-            Unit of the values, such as ``mm``, in place of that in the file; without any, the SI unit of the sensor.
+            Unit of the values, such as ``mm``, in place of that in the file; without either, the SI unit of the sensor.
         sensor : Sensor, optional
-            Quantity and place of the sensor; if not given, the unit tells the quantity, and values without a unit are
-            displacements.
+            Quantity and place of the sensor; if not given, the unit determines the quantity, and values without a unit
+            are displacements.
 
         Raises
         ------
         InputError
-            As in ``read_recording`` and ``Measurement``; or if the column is not clear, or its unit is unknown or does
+            As in ``read_recording`` and ``Measurement``; or if the column is ambiguous, or its unit is unknown or does
             not fit the sensor.
 
         Examples
@@ -167,16 +167,16 @@ class Measurement(Displayed):
         """Return one channel of a recording; arguments and errors are those of ``from_file``."""
         check_instance(recording, "recording", Recording)
         check_instance(sensor, "sensor", Sensor, NoneType)
-        given = None if unit is None else known_unit(unit, "unit")
+        stated_unit = None if unit is None else known_unit(unit, "unit")
         channel = recording.channel(column)
-        with located(f"{recording.path}: column {channel.label}"):
+        with error_prefix(f"{recording.path}: column {channel.label}"):
             if channel.time is None:
                 raise InputError("has no times; give the sampling rate with --sample-rate")
-            scale, measured = sensor_of(channel, given, sensor)
+            scale, measured = assign_sensor(channel, stated_unit, sensor)
             values = channel.values if scale == 1.0 else scale * channel.values
-            others = unit_notes(recording.channels)
-            notes = [note for note in recording.notes if note not in others]
-            notes += () if given else unit_notes([channel])
+            file_notes = unit_notes(recording.channels)
+            notes = [note for note in recording.notes if note not in file_notes]
+            notes += () if stated_unit else unit_notes([channel])
             if measured.quantity == "signal":
                 notes.append(
                     f"column {channel.label} is in {measured.unit or 'its unit'}, without a scale: sizes hold for this "
@@ -190,7 +190,7 @@ class Measurement(Displayed):
         return (*self.notes, *quality_warnings(self.time, self.values))
 
     def cut(self, begin: float | None = None, end: float | None = None) -> Measurement:
-        """Return the part of the record from ``begin`` to ``end`` (s, both included; the ends if not given).
+        """Return the record from ``begin`` to ``end`` (s, both included; the ends of the record by default).
 
         Raises
         ------
@@ -206,21 +206,21 @@ class Measurement(Displayed):
         """
         first = self.time[0] if begin is None else number(begin, "begin")
         last = self.time[-1] if end is None else number(end, "end")
-        kept = (self.time >= first) & (self.time <= last)
-        if np.count_nonzero(kept) < 2:
+        inside = (self.time >= first) & (self.time <= last)
+        if np.count_nonzero(inside) < 2:
             raise InputError(
-                f"from {first:g} to {last:g} s there are {np.count_nonzero(kept)} samples of a record from "
+                f"from {first:g} to {last:g} s there are {np.count_nonzero(inside)} samples of a record from "
                 f"{self.time[0]:g} to {self.time[-1]:g} s; needs at least 2",
                 "cut",
             )
-        return self._with(self.time[kept], self.values[kept])
+        return self._with(self.time[inside], self.values[inside])
 
     def decimated(self, factor: int) -> Measurement:
         """Return the record with every ``factor``-th sample, after a low-pass filter without phase shift.
 
-        Frequencies up to 40 % of the new sampling rate are kept.  The first and last 13 new samples, for which the
-        filter would need samples beyond the record, are left out.  Cut the record at a release first, as the option
-        ``--decimate`` does: the filter would smooth the release, and the fit would be wrong by many standard errors.
+        The filter passes frequencies up to 40 % of the new sampling rate.  The first and last 13 new samples, which
+        would need samples beyond the record, are left out.  Cut the record at a release first, as the option
+        ``--decimate`` does: a smoothed release biases the fit by many standard errors.
 
         Raises
         ------
@@ -239,18 +239,20 @@ class Measurement(Displayed):
         whole(factor, "factor", 1)
         if factor == 1:
             return self
-        if len(self.time) < SHORTEST * factor:
-            raise InputError(f"{len(self.time)} samples are too few; needs {SHORTEST} per unit of the factor", "factor")
+        if len(self.time) < MIN_SAMPLES * factor:
+            raise InputError(
+                f"{len(self.time)} samples are too few; needs {MIN_SAMPLES} per unit of the factor", "factor"
+            )
         self._step()
-        values, first = decimated(self.values, factor)
+        values, first = decimate(self.values, factor)
         return self._with(self.time[first::factor][: len(values)], values)
 
     def filtered(self, low: float | None = None, high: float | None = None) -> Measurement:
-        """Return the part of the record between two frequencies (Hz), by filters without phase shift.
+        """Return the record after a band-pass filter without phase shift, between two frequencies (Hz).
 
-        What lies within is kept within 1e-4; below half of ``low`` and above 1.5 ``high``, nothing is left.  The
-        first and last 5 periods of ``low`` and of ``high``, for which the filters would need samples beyond the record,
-        are left out.  A fit needs no filter against noise, and hardly gains from one.
+        Amplitudes within the band change by less than 1e-4; frequencies below half of ``low`` and above 1.5 ``high``
+        are suppressed by 80 dB.  The first and last 5 periods of ``low`` and of ``high``, which would need samples
+        beyond the record, are left out.  A fit needs no filter against noise, and hardly gains from one.
 
         Raises
         ------
@@ -269,10 +271,10 @@ class Measurement(Displayed):
         """
         half_rate = 0.5 / self._step()
         limits = [None if limit is None else physical(limit, "band") / half_rate for limit in (low, high)]
-        given = [limit for limit in limits if limit is not None]
-        if not given or given != sorted(given) or given[-1] >= 1.0:
+        stated_limits = [limit for limit in limits if limit is not None]
+        if not stated_limits or stated_limits != sorted(stated_limits) or stated_limits[-1] >= 1.0:
             raise InputError(f"give low, high or both, in order and below half the rate, {half_rate:g} Hz", "band")
-        values, first = in_band(self.values, *limits)
+        values, first = band_pass(self.values, *limits)
         if len(values) < 2:
             raise InputError("the record is shorter than the filter, 10 periods of low and of high", "band")
         return self._with(self.time[first : first + len(values)], values)
@@ -301,7 +303,7 @@ class Measurement(Displayed):
 
     def _step(self) -> float:
         """Return the time between samples, s; refuse uneven ones."""
-        with located(self.name or "record"):
+        with error_prefix(self.name or "record"):
             return sampling_step(self.time)
 
     def _with(self, time: Array, values: Array) -> Measurement:
@@ -309,7 +311,7 @@ class Measurement(Displayed):
         return Measurement(time, values, self.name, self.sensor, self.notes)
 
     def detrended(self) -> Measurement:
-        """Return the record without its best straight line, such as the drift of a sensor.
+        """Return the record without its least-squares straight line, such as the drift of a sensor.
 
         Examples
         --------
@@ -328,8 +330,8 @@ class Measurement(Displayed):
         return record_figure(label, self.time, self.values, self.name)
 
     def _summary(self) -> str:
-        parts = (repr(self.name), counted(len(self.time), "sample"), spread(self.time, "s"), self.sensor.quantity)
-        return ", ".join((*parts[not self.name :], *filter(None, [self.sensor.unit])))
+        phrases = (repr(self.name), counted(len(self.time), "sample"), spread(self.time, "s"), self.sensor.quantity)
+        return ", ".join((*phrases[not self.name :], *filter(None, [self.sensor.unit])))
 
 
 def _series(values: ArrayLike, where: str, *, gaps: bool = False) -> Array:

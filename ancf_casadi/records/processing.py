@@ -2,30 +2,31 @@
 
 Filters.  Frequencies above half the new sampling rate would appear as lower ones (aliasing), so that a low-pass filter
 precedes the selection of every n-th sample.  The filters are symmetric finite impulse responses with a Kaiser window
-and so shift no phase: they keep amplitudes within 1e-4, and suppress what they do not keep by 80 dB.  Where a filter
-would need samples beyond the record, its result is left out: 13 new samples at either end if the record gets fewer,
-which keeps up to 80 % of half the new rate; 5 periods of each limit of a band, beyond half the lower and 1.5 times the
-upper of which nothing is left.
+and so shift no phase: they keep amplitudes within 1e-4 in the pass band, and suppress the stop band by 80 dB.  Results
+that would need samples beyond the record are left out.  Decimation removes 13 new samples at either end and keeps
+frequencies up to 80 % of half the new rate.  A band removes 5 periods of each limit at either end, and suppresses
+frequencies below half the lower and above 1.5 times the upper limit.
 
-No loss at the ends.  Near a release, a filter mixes samples with others that it has to invent.  ``projected`` keeps the
+No loss at the ends.  Near a release, a filter would need samples that do not exist.  ``project_on_cosines`` keeps the
 slowest terms of a discrete cosine transform instead.  This is an orthogonal projection: white noise stays white, with
 the same power at each frequency, and scalar products with slow curves are kept up to the ends.
 
-Clipping.  A swing is the part of a record between two crossings of its middle.  A clipped swing ends flat: at least
-three samples in succession have exactly the extreme value, and few lie just below it, because the record passes there
-with its full velocity.  Of a sine that is not clipped, the highest 1 % of the range takes longer than the step at the
-top, even in a record of a few quantisation steps q: with the band max(1 % of the range, 3 q) below the extreme value,
+Clipping.  A swing is a stretch of a record between two crossings of its middle.  A clipped swing has a flat end: at
+least three successive samples have exactly the extreme value, and few lie just below it, because the record passes
+there with its full velocity.  A sine that is not clipped spends more time in the highest 1 % of its range than at the
+top step, even in a record of a few quantisation steps q: with the band max(1 % of the range, 3 q) below the extreme
+value,
 
     samples at the extreme value / samples in the band <= 1,    1 at worst, if a peak of height 4 q ends at a step.
 
-A record is clipped if the median of this ratio over at least three flat swings is 2 or more, on one side or the other,
-and swings that do not reach the extreme value are not flat at their own ends, as those of a motion are that is flat by
-itself.  A record with fewer than ``FEWEST_LEVELS`` quantisation steps in its highest tenth is not judged.
+A record is clipped at its highest or lowest value if the median of this ratio over at least three flat swings is 2 or
+more, and swings that do not reach the extreme value have no flat ends, as a motion with naturally flat swings has.  A
+record with fewer than ``MIN_LEVELS`` quantisation steps in its highest tenth is not judged.
 
-Aliasing.  Without a filter before the sampling, vibrations above half the sampling rate appear below it.  That a filter
-is missing shows at the end of the spectrum, where a filter leaves nothing: the highest line within 4 % of half the rate
-exceeds 50 times the median of the upper third of an averaged periodogram and 10 times what the band before it has, and
-holds an amplitude of 1 % of the largest or more.
+Aliasing.  Without a filter before the sampling, vibrations above half the sampling rate appear below it.  A missing
+filter shows at the end of the spectrum, which a filter would suppress: the highest line within 4 % of half the rate
+exceeds 50 times the median of the upper third of an averaged periodogram and 10 times the band before it, and has an
+amplitude of 1 % of the largest or more.
 
 References
 ----------
@@ -47,14 +48,14 @@ from ancf_casadi.support.arrays import Array, Index
 UNEVEN = 0.1  # largest deviation of a time from the even grid, in steps
 FLAT = 3  # equal samples in succession at the end of a clipped swing
 FLAT_SWINGS = 3  # of a clipped record
-CROWDED = 2.0  # samples at the extreme value per sample in the band below it, of a clipped swing
-FEWEST_LEVELS = 5  # of the quantisation in the highest tenth of the range; with fewer, steps look like flat ends
+CLIPPED_RATIO = 2.0  # samples at the extreme value per sample in the band below it, of a clipped swing
+MIN_LEVELS = 5  # of the quantisation in the highest tenth of the range; with fewer, steps look like flat ends
 PERIODOGRAMS = 8  # of the averaged periodogram
-SHORTEST_SEGMENT = 64  # samples
+MIN_SEGMENT = 64  # samples
 
 
 def sampling_step(time: Array) -> float:
-    """Return the step of evenly spaced times, s; refuse others by the first place that differs."""
+    """Return the step of evenly spaced times, s; an error names the first time that deviates."""
     steps = np.diff(time)
     step = float(np.median(steps))
     wrong = np.abs(steps - step) > UNEVEN * step
@@ -62,14 +63,14 @@ def sampling_step(time: Array) -> float:
         first = int(np.argmax(wrong))
         raise InputError(
             f"is not evenly spaced: after {time[first]:g} s the step is {steps[first]:g} s instead of {step:g} s; "
-            "cut the record to a part without gaps, or fit it as it is",
+            "cut the record to an interval without gaps, or fit it as it is",
             "time",
         )
     return float((time[-1] - time[0]) / (len(time) - 1))
 
 
-def decimated(values: Array, factor: int) -> tuple[Array, int]:
-    """Return every ``factor``-th value after the low-pass filter, and the place of the first one."""
+def decimate(values: Array, factor: int) -> tuple[Array, int]:
+    """Return every ``factor``-th value after the low-pass filter, and the index of the first."""
     from scipy.signal import upfirdn  # slow to import
 
     filter_ = _low_pass(1.0 / factor, 2 * (1 - 0.8) / factor)
@@ -79,8 +80,8 @@ def decimated(values: Array, factor: int) -> tuple[Array, int]:
     return np.asarray(upfirdn(filter_, values, down=factor)[2 * half // factor :][:count], dtype=float), half
 
 
-def in_band(values: Array, low: float | None, high: float | None) -> tuple[Array, int]:
-    """Return what lies between frequencies relative to half the sampling rate, and the place of the first value."""
+def band_pass(values: Array, low: float | None, high: float | None) -> tuple[Array, int]:
+    """Return the values in a band, relative to half the sampling rate, and the index of the first value."""
     from scipy.signal import oaconvolve  # slow to import
 
     first = 0
@@ -112,12 +113,12 @@ def amplitude_spectrum(grid: Array, values: Array) -> tuple[Array, Array]:
     return np.fft.rfftfreq(len(values), (grid[-1] - grid[0]) / (len(grid) - 1)), amplitudes
 
 
-def projected(values: Array, count: int) -> Array:
-    """Return the projection of evenly sampled values (m,) on their slowest ``count`` cosines, at as many even times.
+def project_on_cosines(values: Array, count: int) -> Array:
+    """Return the projection of evenly sampled values (m,) on their slowest ``count`` cosines, at ``count`` even times.
 
-    If the steps of the values and of the result begin and end together, these times are in their middles.  A slope at
+    Each time is the middle of a step if the steps of the values and of the result span the same interval.  A slope at
     an end leaves an error near this end, of about the change of the values over a fifth of the new step; residuals of
-    a fit have hardly any.
+    a fit have hardly any slope there.
     """
     from scipy.fft import dct, idct  # slow to import
 
@@ -125,7 +126,7 @@ def projected(values: Array, count: int) -> Array:
 
 
 def without_line(time: Array, values: Array) -> Array:
-    """Return values minus the straight line that fits them best."""
+    """Return values minus their least-squares straight line."""
     centred = time - time.mean()
     slope = float(centred @ values) / float(centred @ centred)
     return np.asarray(values - values.mean() - slope * centred)
@@ -141,15 +142,15 @@ def sampling(time: Array) -> dict[str, float]:
     names = "samples", "begin", "end", "rate", "gaps", "missing", "longest_gap", "longest_gap_at", "jitter"
     if len(time) < 2:
         edges = (float(time[0]), float(time[-1])) if len(time) else (math.nan, math.nan)
-        found = (len(time), *edges, math.nan, 0, 0, math.nan, math.nan, math.nan)
-        return dict(zip(names, found, strict=True))
+        properties = (len(time), *edges, math.nan, 0, 0, math.nan, math.nan, math.nan)
+        return dict(zip(names, properties, strict=True))
     steps = np.diff(time)
     step = float(np.median(steps))
     long = steps > 1.5 * step  # a longer step is a gap
     regular = steps[~long]
     longest = int(np.argmax(steps))
     missing = np.rint(steps[long] / step) - 1
-    found = (
+    properties = (
         len(time),
         float(time[0]),
         float(time[-1]),
@@ -160,7 +161,7 @@ def sampling(time: Array) -> dict[str, float]:
         float(time[longest]) if long.any() else math.nan,
         float(regular.std()) / step,
     )
-    return dict(zip(names, found, strict=True))
+    return dict(zip(names, properties, strict=True))
 
 
 def resolution(values: Array) -> float:
@@ -170,16 +171,17 @@ def resolution(values: Array) -> float:
 
 
 def quality_warnings(time: Array, values: Array) -> list[str]:
-    """Return a sentence for each fault of a record without gaps."""
-    return [text for text in (_clipped(values), _aliased(time, values)) if text]
+    """Return a warning for each fault of a record without gaps."""
+    return [text for text in (_clipping_warning(values), _aliasing_warning(time, values)) if text]
 
 
-def _clipped(values: Array) -> str:
-    """Return a warning of a record that is clipped at its highest or lowest value."""
-    found = {float(sign * top): count for sign in (1.0, -1.0) for top, count in [_flat_swings(sign * values)] if count}
-    if not found:
+def _clipping_warning(values: Array) -> str:
+    """Return a warning if a record is clipped at its highest or lowest value, else an empty text."""
+    (top, top_count), (bottom, bottom_count) = _flat_swings(values), _flat_swings(-values)
+    clipped = [(value, count) for value, count in ((top, top_count), (-bottom, bottom_count)) if count]
+    if not clipped:
         return ""
-    ends = " and ".join(f"{count} swings at {value:.5g}" for value, count in found.items())
+    ends = " and ".join(f"{count} swings at {value:.5g}" for value, count in clipped)
     return (
         f"the record is clipped: {ends} end flat at exactly the same value, as where a sensor or amplifier saturates; "
         "the amplitudes are too small there: begin later, or measure again with a larger range"
@@ -187,34 +189,34 @@ def _clipped(values: Array) -> str:
 
 
 def _flat_swings(values: Array) -> tuple[float, int]:
-    """Return the highest value, and the number of swings that are clipped there, 0 if the record is not."""
+    """Return the highest value and the number of swings clipped there, 0 if the record is not clipped."""
     top, bottom = float(values.max()), float(values.min())
     if np.count_nonzero(_runs(values == top) >= FLAT) < FLAT_SWINGS:
         return top, 0
     levels = np.unique(values[values > top - 0.1 * (top - bottom)])  # near the end: the quantisation shows there
-    if len(levels) < FEWEST_LEVELS:
+    if len(levels) < MIN_LEVELS:
         return top, 0
     band = max(0.01 * (top - bottom), 3.0 * float(np.diff(levels).min()))
     swings = [
         swing for swing in _swings(values > 0.5 * (top + bottom), values) if swing.max() > top - (top - bottom) / 4
     ]
-    flat, other = list[float](), list[float]()
+    flat, lower = list[float](), list[float]()
     for swing in swings:
-        own = swing.max()
-        at_end = swing == own
-        below = int(np.count_nonzero(~at_end & (swing >= own - band)))
-        crowd = int(np.count_nonzero(at_end)) / max(1, below)
-        (flat if own == top else other).append(crowd if _runs(at_end).max() >= FLAT else 0.0)
-    clipped = [crowd for crowd in flat if crowd]
-    if len(clipped) < FLAT_SWINGS or np.median(flat) < CROWDED or (other and np.median(other) >= CROWDED):
+        peak = swing.max()
+        at_peak = swing == peak
+        below = int(np.count_nonzero(~at_peak & (swing >= peak - band)))
+        ratio = int(np.count_nonzero(at_peak)) / max(1, below)
+        (flat if peak == top else lower).append(ratio if _runs(at_peak).max() >= FLAT else 0.0)
+    clipped = [ratio for ratio in flat if ratio]
+    if len(clipped) < FLAT_SWINGS or np.median(flat) < CLIPPED_RATIO or (lower and np.median(lower) >= CLIPPED_RATIO):
         return top, 0
     return top, len(clipped)
 
 
 def _swings(above: NDArray[np.bool_], values: Array) -> list[Array]:
-    """Return the parts of a record that lie above its middle."""
+    """Return the stretches of a record above its middle."""
     edges: Index = np.flatnonzero(np.diff(above.astype(np.int8))) + 1
-    return [part for part, own in zip(np.split(values, edges), np.split(above, edges), strict=True) if own[0]]
+    return np.split(values, edges)[0 if above[0] else 1 :: 2]
 
 
 def _runs(equal: NDArray[np.bool_]) -> Index:
@@ -223,26 +225,27 @@ def _runs(equal: NDArray[np.bool_]) -> Index:
     return np.diff(edges)[::2]
 
 
-def _aliased(time: Array, values: Array) -> str:
-    """Return a warning of an evenly sampled record whose spectrum has a peak next to half the sampling rate."""
+def _aliasing_warning(time: Array, values: Array) -> str:
+    """Return a warning if the spectrum of an even record has a peak next to half the sampling rate, else ''."""
     size = 2 * len(values) // (PERIODOGRAMS + 1)
-    if len(np.unique(values)) < 50:  # steps of the quantisation make lines of their own
+    if len(np.unique(values)) < 50:  # coarse quantisation causes lines too
         return ""
     steps = np.diff(time)
-    if size < SHORTEST_SEGMENT or np.abs(steps - np.median(steps)).max() > 0.1 * np.median(steps):
+    if size < MIN_SEGMENT or np.abs(steps - np.median(steps)).max() > 0.1 * np.median(steps):
         return ""
     window = np.hanning(size)
     swing = values - values.mean()
-    parts = [swing[k * size // 2 :][:size] for k in range(PERIODOGRAMS)]
-    power = np.mean([np.abs(np.fft.rfft(window * (part - part.mean()))) ** 2 for part in parts], axis=0)
-    share = np.arange(len(power)) / (len(power) - 1)  # of half the sampling rate
-    edge, before, upper = power[share > 0.96], power[(share > 0.8) & (share < 0.94)], power[share > 2 / 3]
+    segments = [swing[k * size // 2 :][:size] for k in range(PERIODOGRAMS)]
+    power = np.mean([np.abs(np.fft.rfft(window * (segment - segment.mean()))) ** 2 for segment in segments], axis=0)
+    relative = np.arange(len(power)) / (len(power) - 1)  # of half the sampling rate
+    edge, upper_third = power[relative > 0.96], power[relative > 2 / 3]
+    band_below = power[(relative > 0.8) & (relative < 0.94)]
     highest = float(edge.max())
-    if highest <= max(50.0 * float(np.median(upper)), 10.0 * float(before.max()), 1e-4 * float(power.max())):
+    if highest <= max(50.0 * float(np.median(upper_third)), 10.0 * float(band_below.max()), 1e-4 * float(power.max())):
         return ""
-    place = share[share > 0.96][int(np.argmax(edge))] * 0.5 * (len(time) - 1) / (time[-1] - time[0])
+    frequency = relative[relative > 0.96][int(np.argmax(edge))] * 0.5 * (len(time) - 1) / (time[-1] - time[0])
     return (
-        f"the spectrum has a peak at {place:.4g} Hz, next to half the sampling rate, where a filter against aliasing "
-        "leaves nothing: vibrations or interference above half the rate appear as lower ones; sample faster, or filter "
-        "before sampling"
+        f"the spectrum has a peak at {frequency:.4g} Hz, next to half the sampling rate, where a filter against "
+        "aliasing leaves nothing: vibrations or interference above half the rate appear as lower ones; sample "
+        "faster, or filter before sampling"
     )

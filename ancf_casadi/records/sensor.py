@@ -32,7 +32,7 @@ SENSOR_UNITS: Mapping[Quantity, str] = {
 }
 IN_BODY_FRAME = ("velocity", "acceleration", "force")
 AT_CLAMP = ("force", "moment")
-# quantities of sensors, the usual one first, by the quantity of a unit if that has another name
+# quantities of sensors, the default first, for each quantity of units with another name
 OTHER_NAMES: Mapping[str, tuple[Quantity, ...]] = {"length": ("displacement", "position"), "angle": ("slope",)}
 QUANTITY_WORDS: Mapping[Quantity, str] = {
     "acceleration": "acc accel acceleration accelerometer beschleunigung beschl accx accy accz ax ay az",
@@ -154,14 +154,14 @@ class Sensor(Displayed):
         return "m" if self.derivatives else self.unit
 
 
-def sensor_of(channel: RecordedChannel, given: Unit | None, sensor: Sensor | None) -> tuple[float, Sensor]:
+def assign_sensor(channel: RecordedChannel, stated_unit: Unit | None, sensor: Sensor | None) -> tuple[float, Sensor]:
     """Return the factor of a channel to the unit of its sensor, and the sensor.
 
-    The unit is that of the file if none is ``given``.  Without a sensor, the unit tells the quantity, or without a unit
-    the name; a unit that no sensor of a beam has, such as V or px, is that of a signal.  A unit that is not understood,
-    or does not fit the sensor, raises an ``InputError``.
+    Without a ``stated_unit``, the unit is that of the file.  Without a sensor, the unit determines the quantity, or
+    without a unit the name; a unit that no sensor of a beam has, such as V or px, makes a signal.  An unknown unit, or
+    one that does not fit the sensor, raises an ``InputError``.
     """
-    unit = given or channel.unit
+    unit = stated_unit or channel.unit
     if sensor is not None and sensor.quantity == "signal":
         return _signal(unit) if unit else (1.0, replace(sensor, signal_unit=sensor.signal_unit or channel.symbol))
     if unit is None:
@@ -169,11 +169,13 @@ def sensor_of(channel: RecordedChannel, given: Unit | None, sensor: Sensor | Non
             raise InputError(
                 f"the unit {shown(channel.symbol)} is not understood; give the unit with --unit, or --sensor signal"
             )
-        return 1.0, sensor or Sensor(_named_quantity(channel.name))
-    fitting = OTHER_NAMES.get(unit.quantity) or tuple(own for own in SENSOR_UNITS if own == unit.quantity)
+        return 1.0, sensor or Sensor(_quantity_in_name(channel.name))
+    quantities = OTHER_NAMES.get(unit.quantity) or tuple(
+        quantity for quantity in SENSOR_UNITS if quantity == unit.quantity
+    )
     if sensor is None:
-        return (unit.factor, Sensor(quantity=fitting[0])) if fitting else _signal(unit)
-    if sensor.quantity not in fitting:
+        return (unit.factor, Sensor(quantity=quantities[0])) if quantities else _signal(unit)
+    if sensor.quantity not in quantities:
         raise InputError(
             f"is in {unit.symbol}, a unit of {unit.quantity}, but the sensor measures {sensor.quantity}; give the unit "
             "or the scale with --unit, such as '0.25 mm', or the quantity with --sensor"
@@ -182,18 +184,18 @@ def sensor_of(channel: RecordedChannel, given: Unit | None, sensor: Sensor | Non
 
 
 def _signal(unit: Unit) -> tuple[float, Sensor]:
-    """Return the factor to the plain unit of a quantity, if it has one, and the sensor of a signal in it."""
+    """Return the factor to the unit of a quantity without prefix, if there is one, and a signal sensor in it."""
     if unit.quantity == "time":
         raise InputError(f"is in {unit.symbol}, a unit of time, which no sensor measures; name another with --column")
-    plain = next((symbol for symbol, factor in UNITS.get(unit.quantity, {}).items() if factor == 1.0), "")
+    si_symbol = next((symbol for symbol, factor in UNITS.get(unit.quantity, {}).items() if factor == 1.0), "")
     return (
-        (unit.factor, Sensor("signal", signal_unit=plain))
-        if plain
+        (unit.factor, Sensor("signal", signal_unit=si_symbol))
+        if si_symbol
         else (1.0, Sensor("signal", signal_unit=unit.symbol))
     )
 
 
-def _named_quantity(name: str) -> Quantity:
-    """Return the quantity that the name of a column without a unit tells, such as ``Acc`` or ``strain 1``."""
+def _quantity_in_name(name: str) -> Quantity:
+    """Return the quantity in the name of a column without a unit, such as ``Acc`` or ``strain 1``."""
     words = re.findall(r"[^\W\d_]+", name.casefold())
     return next((QUANTITY_OF[word] for word in words if word in QUANTITY_OF), "displacement")

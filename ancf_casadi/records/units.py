@@ -1,13 +1,13 @@
-"""Units of measurement: quantity and factor to SI units of a unit as people write it, alone or in the name of a column.
+"""Units of measurement as people write them, alone or in the name of a column: quantity and factor to SI units.
 
 ``UNITS`` lists the symbols, with ``u`` for micro; ``PRODUCTS`` the products and quotients that have a name.
-Any other combination is not understood, so that the caller is asked for the unit.
+Any other combination is unknown, and the user must state the unit.
 
 In the name of a column, the unit stands in brackets (``Time (ms)``, ``x [mm]``), behind a slash or ``in`` (``x / mm``,
-``Weg in mm``), or among the words, at the end as a rule (``tip_mm``, ``Time ms``, ``acc_m_s2``, ``v_mm_per_s``,
-``x_mm_raw``).  The first word names the quantity.  Of the other words, the longest run that denotes a unit counts.  A
-run that may be part of another unit, as in ``x_mm_per_rev``, ``force_N_m`` or ``area_mm2``, is doubtful, and the caller
-is asked.
+``Weg in mm``), or among the words, usually at the end (``tip_mm``, ``Time ms``, ``acc_m_s2``, ``v_mm_per_s``,
+``x_mm_raw``).  The first word names the quantity.  Among the other words, the longest run that denotes a unit counts.
+A run that may belong to another unit, as in ``x_mm_per_rev``, ``force_N_m`` or ``area_mm2``, is doubtful, and the user
+must state the unit.
 """
 
 from __future__ import annotations
@@ -119,12 +119,12 @@ def _plain_text(text: str) -> str:
 
 
 def _powers(word: str) -> dict[str, tuple[int, float]] | None:
-    """Return power and SI units of each quantity in a word of a unit, as ``s2`` or ``mps2``; None if not understood."""
+    """Return power and factor of each quantity in a word of a unit, such as ``s2`` or ``mps2``; None if unknown."""
     if word == "1":
         return {}
-    whole = _known(word)
-    if whole:
-        return {whole[0]: (1, whole[1])}
+    unit = _look_up(word)
+    if unit:
+        return {unit[0]: (1, unit[1])}
     match = POWER.fullmatch(word)
     if not match:
         return None
@@ -134,34 +134,36 @@ def _powers(word: str) -> dict[str, tuple[int, float]] | None:
         return {**_moves(rate[1]), "time": (-power, 1.0)}
     if power < 0 and symbol[-1] == "s" and _moves(symbol[:-1]):  # ms-2: not the inverse of milliseconds
         return {**_moves(symbol[:-1]), "time": (power, 1.0)}
-    base = _known(symbol)
+    base = _look_up(symbol)
     return {base[0]: (power, base[1] ** power)} if base else None
 
 
-def _known(symbol: str) -> tuple[str, float] | None:
+def _look_up(symbol: str) -> tuple[str, float] | None:
     return KNOWN_UNITS.get(symbol) or KNOWN_UNITS.get(symbol.lower())
 
 
 def _moves(symbol: str) -> dict[str, tuple[int, float]]:
-    """Return a length or an angle, of which there are rates; empty if the symbol is none."""
-    quantity, factor = _known(symbol) or ("", 0.0)
+    """Return a unit of length or angle, which can be per second; empty for other symbols."""
+    quantity, factor = _look_up(symbol) or ("", 0.0)
     return {quantity: (1, factor)} if quantity in ("length", "angle") else {}
 
 
 @lru_cache(maxsize=4096)  # a long name repeats the same few words
 def parse_unit(text: str) -> Unit | None:
-    """Return the unit that a text denotes; None if it is not understood.
+    """Return the unit that a text denotes; None if unknown.
 
     Factors are separated by a space, a dot or ``*`` (product), by ``/`` or ``per`` (quotient), or by ``_``, which is a
     quotient before seconds, as in ``m_s2``, and otherwise needs a negative power, as in ``m_s-2``.
     """
     plain = _plain_text(text.strip().strip("()[]{}<>"))
-    found = _known(plain.replace(" /", "/").replace("/ ", "/")) or _product(TOKENS.findall(plain))  # first um/m
-    return Unit(text.strip(), *found) if found else None
+    quantity_and_factor = _look_up(plain.replace(" /", "/").replace("/ ", "/")) or _product(
+        TOKENS.findall(plain)
+    )  # first um/m
+    return Unit(text.strip(), *quantity_and_factor) if quantity_and_factor else None
 
 
 def _product(tokens: list[str]) -> tuple[str, float] | None:
-    """Return quantity and factor of a product of units; None if it is not understood."""
+    """Return quantity and factor of a product of units; None if unknown."""
     total: dict[str, int] = {}
     factor, sign, separator, over = 1.0, 1, "", False
     last: dict[str, tuple[int, float]] | None = None
@@ -199,7 +201,7 @@ def _product(tokens: list[str]) -> tuple[str, float] | None:
 
 
 def known_unit(text: object, where: str) -> Unit:
-    """Return the unit that an argument denotes; a number before it is a scale, such as ``0.25 mm`` per pixel."""
+    """Return the unit in an argument; a number before it is a scale, such as ``0.25 mm`` per pixel."""
     match = SCALED.fullmatch(text.strip()) if isinstance(text, str) else None
     unit = parse_unit(match[2]) if match else None
     factor = float(match[1] or 1.0) if match else 0.0
@@ -212,7 +214,7 @@ def known_unit(text: object, where: str) -> Unit:
 
 
 def unit_in_name(name: str) -> tuple[str, Unit | None]:
-    """Return the unit in the name of a column, empty if there is none, and its meaning, None if not understood."""
+    """Return the text of the unit in the name of a column, '' if there is none, and the unit, None if unknown."""
     bracketed = [text.strip() for text in BRACKETS.findall(name)]
     for text in bracketed:
         if parse_unit(text):
@@ -232,8 +234,8 @@ def unit_in_name(name: str) -> tuple[str, Unit | None]:
     return text, None if doubtful or len(runs) > 1 else parse_unit(text)
 
 
-def unit_of(written: str, name: str) -> tuple[str, Unit | None]:
-    """Return the unit of a column, as it is written, and its meaning: the one beside its name, or the one in it."""
+def column_unit(written: str, name: str) -> tuple[str, Unit | None]:
+    """Return the text of the unit of a column, written beside its name or in it, and the unit, None if unknown."""
     if written:
         return written, parse_unit(written)
     words = re.findall(r"[^\W_]+", name.casefold())
@@ -260,21 +262,21 @@ def _runs(tokens: list[str], items: list[int]) -> list[tuple[int, int]]:
 
 
 def _doubtful(tokens: list[str], items: list[int], runs: list[tuple[int, int]]) -> list[int]:
-    """Return the places outside the runs that may belong to a unit that is not understood."""
+    """Return the places outside the runs that may belong to an unknown unit."""
     inside = {k for begin, end in runs for k in range(begin, end)}
     places: list[int] = []
     for before, place, after in zip([None, *items], items, [*items[1:], None], strict=False):
         word = tokens[place]
-        left, right = ("" if k is None else tokens[k] for k in (before, after))
+        previous, following = ("" if k is None else tokens[k] for k in (before, after))
         if place in inside:
             continue
         if word.strip() in OVER:  # x_mm/rev, counts per mm; but s / mm is the quantity s in mm
             quantity = before == 0 or word != word.strip()
-            over = before in inside or (parse_unit(left) and not quantity)
-            if over or (word == "per" and parse_unit(right)):
+            over = before in inside or (parse_unit(previous) and not quantity)
+            if over or (word == "per" and parse_unit(following)):
                 places += [k for k in (before, place, after) if k is not None]
         elif parse_unit(word):  # force_N_m is a moment or a force per length
-            pairs = [(a, b) for a, b in ((left, word), (word, right)) if a and b and a != "in"]
+            pairs = [(a, b) for a, b in ((previous, word), (word, following)) if a and b and a != "in"]
             if any(parse_unit(f"{a} {b}") or parse_unit(f"{a}/{b}") for a, b in pairs):
                 places.append(place)
         elif word == "2" and before in inside:  # acc_m_s_2
@@ -283,15 +285,15 @@ def _doubtful(tokens: list[str], items: list[int], runs: list[tuple[int, int]]) 
                 places.append(place)
         elif before is not None and _powers(word):
             symbol = word.rstrip("0123456789")
-            if parse_unit(left):
+            if parse_unit(previous):
                 places += [before, place]
-            elif (len(symbol) > 1 and symbol not in AMBIGUOUS_UNITS) or left.strip() in OVER:
+            elif (len(symbol) > 1 and symbol not in AMBIGUOUS_UNITS) or previous.strip() in OVER:
                 places.append(place)
     return places
 
 
 def names_time(name: str) -> bool:
-    """Return whether the name of a column, without its unit, is one for times."""
+    """Return whether the name of a column, without its unit, denotes times."""
     single = " ".join(name.split())
     bare = BEFORE_UNIT.split(single, maxsplit=1)[0] if unit_in_name(name)[0] else single
     return TIME_NAMES.fullmatch(bare) is not None

@@ -49,7 +49,7 @@ from ancf_casadi.reduction.forces import (
     rotate_vectors,
 )
 from ancf_casadi.support.arrays import Array, Index
-from ancf_casadi.support.banded import factorised, sparse
+from ancf_casadi.support.banded import factorise, sparse
 from ancf_casadi.vibration.modes import Modes
 
 MAX_CONDENSED_MODES = 12  # the number of terms of the strain energy grows with the fourth power
@@ -97,7 +97,7 @@ def _modal_derivatives(modes: Modes, pairs: Index) -> Array:
     second = cs.Function("second", [e, i, j], [cs.jtimes(first, e, j)])
     force = model.of_free(np.hstack([second(equilibrium.coordinates, *shapes[:, pair].T).full() for pair in pairs]))
     _, stiffness, mass = equilibrium.structure.linearisation(equilibrium.exact)
-    static, free_shapes = -factorised(stiffness).solve(force), model.of_free(shapes)
+    static, free_shapes = -factorise(stiffness).solve(force), model.of_free(shapes)
     return np.asarray(model.moved(static - free_shapes @ (free_shapes.T @ (sparse(mass) @ static))))
 
 

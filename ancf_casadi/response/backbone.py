@@ -34,18 +34,18 @@ import scipy.linalg
 
 from ancf_casadi.damping import DampingLaw
 from ancf_casadi.exceptions import ContinuationError, InputError, NumericsError
-from ancf_casadi.response.excited import Body, Excited, excited
-from ancf_casadi.response.harmonic_balance.balance import Setting, size_of
+from ancf_casadi.response.excited import Body, Excited, excite
+from ancf_casadi.response.harmonic_balance.balance import Setting, motion_size
 from ancf_casadi.response.harmonic_balance.continuation import follow, point_at
 from ancf_casadi.response.harmonic_balance.family import Family, NotFound, Point
-from ancf_casadi.response.onset import RESPONSE_ERROR, motion_of, rest
+from ancf_casadi.response.onset import RESPONSE_ERROR, as_periodic_motion, solve_equilibrium
 from ancf_casadi.response.periodic import PeriodicMotion
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.inputs import number, physical, positive, whole
 from ancf_casadi.support.interrupts import lasting_interrupts
 from ancf_casadi.support.tables import Reported, Table, counted, spread
 
-MOST_BACKBONE_POINTS = 1000
+MAX_BACKBONE_POINTS = 1000
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,10 +83,10 @@ class Backbone(Reported):
     def amplitudes(self) -> Array:
         """Half the peak-to-peak displacement, (k,): of the reference point of the mode, m, or a system's coordinate.
 
-        The reference point is the tip or, if the tip is held, that of ``Modes.reference_points``; another system than a
-        beam has its largest coordinate instead.
+        The reference point is the tip or, if the tip is held, that of ``Modes.reference_points``.  For a system other
+        than a beam, the largest coordinate replaces it.
         """
-        point = _largest(self.motions[0])
+        point = _amplitude_point(self.motions[0])
         return np.array([motion.amplitude(point) for motion in self.motions])
 
     @property
@@ -107,11 +107,11 @@ class Backbone(Reported):
         InputError
             If the backbone does not reach the amplitude, or turns in amplitude.
         """
-        return self._interpolated(self.frequencies, amplitude)
+        return self._interpolate(self.frequencies, amplitude)
 
     def damping_ratio(self, amplitude: float) -> float:
         """Return the damping ratio at an amplitude; interpolation and errors are those of ``frequency``."""
-        return self._interpolated(self.damping_ratios, amplitude)
+        return self._interpolate(self.damping_ratios, amplitude)
 
     def to_dict(self) -> dict[str, Any]:
         """Return the backbone as plain data."""
@@ -133,20 +133,20 @@ class Backbone(Reported):
         return Table("backbone", title, columns, rows)
 
     def _summary(self) -> str:
-        found = f"{counted(len(self.motions), 'motion')}, {spread(self.frequencies, 'Hz')}"
-        return f"mode {self.mode}, {self.natural_frequency:.4g} Hz in small motion, {found}"
+        extent = f"{counted(len(self.motions), 'motion')}, {spread(self.frequencies, 'Hz')}"
+        return f"mode {self.mode}, {self.natural_frequency:.4g} Hz in small motion, {extent}"
 
-    def _interpolated(self, values: Array, amplitude: float) -> float:
+    def _interpolate(self, values: Array, amplitude: float) -> float:
         from scipy.interpolate import CubicSpline  # slow to import
 
-        at = number(amplitude, "amplitude")
-        if not self.amplitudes[0] <= at <= self.amplitudes[-1]:
+        value = number(amplitude, "amplitude")
+        if not self.amplitudes[0] <= value <= self.amplitudes[-1]:
             raise InputError(
-                f"must be from {self.amplitudes[0]:.4g} to {self.amplitudes[-1]:.4g}, got {at:.4g}", "amplitude"
+                f"must be from {self.amplitudes[0]:.4g} to {self.amplitudes[-1]:.4g}, got {value:.4g}", "amplitude"
             )
         if (np.diff(self.amplitudes) <= 0.0).any():
             raise InputError("has no single motion, because the backbone turns in amplitude; use motions", "amplitude")
-        return float(CubicSpline(self.amplitudes, values)(at))
+        return float(CubicSpline(self.amplitudes, values)(value))
 
 
 @lasting_interrupts()
@@ -200,59 +200,59 @@ def backbone(
     amplitude, tolerance = physical(amplitude, "amplitude"), positive(tolerance, "tolerance")
     points = whole(points, "points", 2)
     mode = whole(mode, "mode", 1)
-    subject = excited(model, damping, mode=mode)
+    subject = excite(model, damping, mode=mode)
     whole(mode, "mode", 1, subject.system.size)
     if subject.model is not None and amplitude > subject.model.beam.length:
         raise InputError(
             f"{amplitude:g} m is more than the length of the beam, {subject.model.beam.length:g} m", "amplitude"
         )
-    # of the largest amplitude, at which the backbone begins
-    first = _first(subject, mode, 1e-3 * amplitude, tolerance)
+    # the backbone begins at 1e-3 of the largest amplitude
+    first = _small_mode_motion(subject, mode, 1e-3 * amplitude, tolerance)
     functional, frequency = first.family.phase, first.family.setting.omega / (2 * math.pi)
-    motions = [motion_of(subject, first)]
-    amplitude_of = partial(PeriodicMotion.amplitude, point=_largest(motions[0]))
-    most = float(functional @ first.coefficients[2]) / amplitude_of(motions[0]) * amplitude / points
+    motions = [as_periodic_motion(subject, first)]
+    point_amplitude = partial(PeriodicMotion.amplitude, point=_amplitude_point(motions[0]))
+    longest_change = float(functional @ first.coefficients[2]) / point_amplitude(motions[0]) * amplitude / points
 
-    def longest(at: Point, tangent: Array) -> float:
-        change, _ = at.family.split(tangent * at.family.scale)
+    def longest(from_point: Point, tangent: Array) -> float:
+        change, _ = from_point.family.split(tangent * from_point.family.scale)
         rate = abs(float(functional @ change[2]))
-        return most / rate if rate else math.inf
+        return longest_change / rate if rate else math.inf
 
     try:
         for step in follow(first, first.row, 1.0, longest):
-            motions.append(motion_of(subject, step.end))
-            if amplitude_of(motions[-1]) >= amplitude:
+            motions.append(as_periodic_motion(subject, step.end))
+            if point_amplitude(motions[-1]) >= amplitude:
                 break
-            if len(motions) >= MOST_BACKBONE_POINTS:
-                raise NumericsError(f"the backbone does not reach the amplitude within {MOST_BACKBONE_POINTS} points")
+            if len(motions) >= MAX_BACKBONE_POINTS:
+                raise NumericsError(f"the backbone does not reach the amplitude within {MAX_BACKBONE_POINTS} points")
     except NumericsError as error:
         raise ContinuationError(str(error), error.stats, Backbone(mode, frequency, tuple(motions))) from None
     return Backbone(mode, frequency, tuple(motions))
 
 
-def _first(subject: Excited, mode: int, amplitude: float, tolerance: float) -> Point:
-    """Return the motion of a mode with a small amplitude; its family has frequency and growth of the linear mode."""
+def _small_mode_motion(subject: Excited, mode: int, amplitude: float, tolerance: float) -> Point:
+    """Return the motion of a mode at a small amplitude; its family holds frequency and growth of the linear mode."""
     balance = subject.balance
-    C = rest(balance, 1.0)
-    entries = balance.linearised(C, Setting(1.0, 0.0)).matrices
-    K, D, M = (balance.system.matrix(part[0]) for part in entries)
+    C = solve_equilibrium(balance, 1.0)
+    entries = balance.linearise(C, Setting(1.0, 0.0)).matrices
+    K, D, M = (balance.system.matrix(matrix_entries[0]) for matrix_entries in entries)
     try:
-        squares, shapes = scipy.linalg.eigh((K + K.T) / 2, (M + M.T) / 2)
+        eigenvalues, shapes = scipy.linalg.eigh((K + K.T) / 2, (M + M.T) / 2)
     except np.linalg.LinAlgError:
         raise NumericsError("the mass matrix is not positive definite at rest, so there are no modes") from None
-    if not squares[0] > 0.0:
+    if not eigenvalues[0] > 0.0:
         raise NumericsError("the state of rest is unstable, so it has no modes")
-    shape, omega = shapes[:, mode - 1], math.sqrt(squares[mode - 1])
+    shape, omega = shapes[:, mode - 1], math.sqrt(eigenvalues[mode - 1])
     setting, change, functional = Setting(omega, 0.0, float(shape @ D @ shape)), np.zeros_like(C), M @ shape
     change[2] = shape
     change *= amplitude / (_amplitude(subject, C + change * 1e-6, setting) * 1e6)
     family = Family(
-        balance, setting, ("omega", "growth"), (omega, omega), size_of(balance, change), tolerance, functional
+        balance, setting, ("omega", "growth"), (omega, omega), motion_size(balance, change), tolerance, functional
     )
-    guess = family.moved(family.joined(C, setting), family.joined(change, Setting(0.0, 0.0)))
+    guess = family.add_change(family.join(C, setting), family.join(change, Setting(0.0, 0.0)))
     gradient = np.zeros_like(C)
     gradient[2] = functional
-    row = family.joined(gradient, Setting(0.0, 0.0)) * family.scale
+    row = family.join(gradient, Setting(0.0, 0.0)) * family.scale
     try:
         return point_at(family, guess, row / np.linalg.norm(row))
     except NotFound:
@@ -268,7 +268,7 @@ def _amplitude(subject: Excited, C: Array, setting: Setting) -> float:
     return float(abs(first - second) / 2)
 
 
-def _largest(motion: PeriodicMotion) -> float | None:
-    """Return the point whose amplitude is given: None for the reference point of a beam, or the largest coordinate."""
+def _amplitude_point(motion: PeriodicMotion) -> float | None:
+    """Return the ``point`` of amplitudes: None for the reference point of a beam, or the largest coordinate."""
     beam = motion.excited.model is not None
     return None if beam else int(np.abs(motion.coefficients[1:]).max(axis=0).argmax())

@@ -1,7 +1,7 @@
 """The result of a continuation: a curve of periodic motions with its stability, folds and jumps.
 
-A slow sweep follows the stable motions.  Where they end at a fold, or lose their stability, the vibration jumps to
-another stable motion at the same frequency, which lies further along the curve.
+A slow sweep follows the stable motions.  At the fold where they end or lose their stability, the vibration jumps to
+another stable motion at the same frequency, further along the curve.
 """
 
 from __future__ import annotations
@@ -85,7 +85,7 @@ class ResponseCurve(Reported):
     @property
     def values(self) -> Array:
         """Frequency, Hz, amplitude of the excitation, or parameter, whichever varies along the curve, (k,)."""
-        return np.array([_value(motion, self.free) for motion in self.motions])
+        return np.array([_curve_value(motion, self.free) for motion in self.motions])
 
     @cached_property
     def stable(self) -> NDArray[np.bool_]:
@@ -96,13 +96,13 @@ class ResponseCurve(Reported):
         self, point: float | None = None, *, direction: Sequence[float] | None = None, relative: bool = True
     ) -> Array:
         """Return half the peak-to-peak displacement of a point, (k,), as ``PeriodicMotion.amplitude``."""
-        return np.array([one.amplitude(point, direction=direction, relative=relative) for one in self.motions])
+        return np.array([motion.amplitude(point, direction=direction, relative=relative) for motion in self.motions])
 
     def phase(
         self, point: float | None = None, *, direction: Sequence[float] | None = None, relative: bool = True
     ) -> Array:
         """Return the phase of the first harmonic of a point relative to the excitation, (k,), rad, unwrapped."""
-        phases = [one.phase(point, direction=direction, relative=relative) for one in self.motions]
+        phases = [motion.phase(point, direction=direction, relative=relative) for motion in self.motions]
         return np.unwrap(phases)
 
     @cached_property
@@ -122,8 +122,10 @@ class ResponseCurve(Reported):
     def table(self) -> Table:
         """Return bifurcations, jumps and the largest amplitude."""
         name, unit = self.quantity
-        rows: list[tuple[str, float, float | None]] = [("largest amplitude", *self._place(self.peak))]
-        rows += [(own.kind, *self._place(own.motion)) for own in self.bifurcations]
+        rows: list[tuple[str, float, float | None]] = [("largest amplitude", *self._value_and_amplitude(self.peak))]
+        rows += [
+            (bifurcation.kind, *self._value_and_amplitude(bifurcation.motion)) for bifurcation in self.bifurcations
+        ]
         for direction, jumps in zip(("up", "down"), self.jumps, strict=True):
             rows += [(f"jump, sweeping {direction}", value, None) for value in jumps]
         length = self.motions[0].excited.unit
@@ -144,8 +146,12 @@ class ResponseCurve(Reported):
             "phases_rad": self.phase().tolist(),
             "stable": self.stable.tolist(),
             "bifurcations": [
-                {"kind": own.kind, "index": own.index, "value": _value(own.motion, self.free)}
-                for own in self.bifurcations
+                {
+                    "kind": bifurcation.kind,
+                    "index": bifurcation.index,
+                    "value": _curve_value(bifurcation.motion, self.free),
+                }
+                for bifurcation in self.bifurcations
             ],
             "jumps": {"up": list(self.jumps.up), "down": list(self.jumps.down)},
             "closed": self.closed,
@@ -168,44 +174,44 @@ class ResponseCurve(Reported):
         InputError
             If a curve is over another quantity, or there is not one label for each.
         """
-        return self._drawn(others, labels, point=point)
+        return self._draw_figure(others, labels, point=point)
 
-    def _place(self, motion: PeriodicMotion) -> tuple[float, float]:
-        return _value(motion, self.free), motion.amplitude()
+    def _value_and_amplitude(self, motion: PeriodicMotion) -> tuple[float, float]:
+        return _curve_value(motion, self.free), motion.amplitude()
 
     def _summary(self) -> str:
         name, unit = self.quantity
-        found = counted(len(self.bifurcations), "bifurcation")
-        return f"{counted(len(self.motions), 'motion')}, {name} {spread(self.values, unit)}, {found}"
+        bifurcations = counted(len(self.bifurcations), "bifurcation")
+        return f"{counted(len(self.motions), 'motion')}, {name} {spread(self.values, unit)}, {bifurcations}"
 
     @property
     def quantity(self) -> tuple[str, str]:
-        """Name and unit of what varies along the curve."""
+        """Name and unit of the value that varies along the curve."""
         if self.free == "omega":
             return "frequency", "Hz"
         if self.free == "amplitude":
             return "amplitude of the excitation", self.motions[0].excited.drive.unit
-        own = self.motions[0].balance
-        parameter = own.system.parameters[own.varied or 0]
+        balance = self.motions[0].balance
+        parameter = balance.system.parameters[balance.varied or 0]
         return parameter.name, parameter.unit if parameter.unit != "1" else ""
 
 
-def _value(motion: PeriodicMotion, free: str) -> float:
-    """Return what varies along a curve: the frequency, Hz, the amplitude of the excitation, or the parameter."""
+def _curve_value(motion: PeriodicMotion, free: str) -> float:
+    """Return the value that varies along a curve: frequency, Hz, amplitude of the excitation, or parameter."""
     return motion.frequency if free == "omega" else float(getattr(motion.setting, free))
 
 
 def _jumps(values: Array, stable: NDArray[np.bool_]) -> tuple[float, ...]:
     """Return the values at which a sweep from the first motion of a curve towards larger values jumps."""
-    found, here = [], int(stable.argmax())
-    while here < len(values) - 1:
-        if values[here + 1] > values[here] and stable[here + 1]:
-            here += 1
+    jumps, index = [], int(stable.argmax())
+    while index < len(values) - 1:
+        if values[index + 1] > values[index] and stable[index + 1]:
+            index += 1
             continue
-        found.append(float(values[here]))
-        beyond = np.flatnonzero((values[:-1] < values[here]) & (values[1:] >= values[here]) & stable[1:])
-        later = beyond[beyond > here]
-        if not len(later):
+        jumps.append(float(values[index]))
+        crossings = np.flatnonzero((values[:-1] < values[index]) & (values[1:] >= values[index]) & stable[1:])
+        later_crossings = crossings[crossings > index]
+        if not len(later_crossings):
             break
-        here = int(later[0]) + 1
-    return tuple(found)
+        index = int(later_crossings[0]) + 1
+    return tuple(jumps)

@@ -22,13 +22,13 @@ import numpy as np
 from ancf_casadi.exceptions import NumericsError
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.response.excited import Excited
-from ancf_casadi.response.harmonic_balance.balance import fourier, size_of
+from ancf_casadi.response.harmonic_balance.balance import fourier, motion_size
 from ancf_casadi.response.harmonic_balance.beams import GRAVITY_SIZE
 from ancf_casadi.response.harmonic_balance.continuation import point_at
 from ancf_casadi.response.harmonic_balance.family import Family, NotFound, Point
 from ancf_casadi.response.periodic import PeriodicMotion
 from ancf_casadi.support.arrays import Array, Index
-from ancf_casadi.support.callbacks import Differentiable, kept
+from ancf_casadi.support.callbacks import Differentiable, callback_function
 from ancf_casadi.support.inputs import check_instance, flag
 
 
@@ -82,10 +82,12 @@ def motion_function(
     subject, size = motion.excited, motion.coefficients.size
     parameters, varied = _parameters(subject)
     frequency, amplitude = cs.MX.sym("frequency"), cs.MX.sym("amplitude")
-    near = kept(Differentiable(partial(_near, motion, varied), size, len(varied) + 2), "near")
-    values = cs.vertcat(*(cs.vec(own) for own in reversed(parameters.values())), frequency, amplitude)
+    coefficients = callback_function(
+        Differentiable(partial(_coefficients_and_derivatives, motion, varied), size, len(varied) + 2), "near"
+    )
+    values = cs.vertcat(*(cs.vec(symbol) for symbol in reversed(parameters.values())), frequency, amplitude)
     rows, columns = motion.coefficients.shape
-    C = cs.reshape(near(values), columns, rows).T
+    C = cs.reshape(coefficients(values), columns, rows).T
     # samples per harmonic from which a displacement is read
     series = fourier(motion.harmonic_count, 8 * (motion.harmonic_count + 1))
     _, _, shape = subject.drive.samples(series.phases, 0.0, 1.0)
@@ -97,7 +99,7 @@ def motion_function(
 
 
 def _parameters(subject: Excited) -> tuple[dict[str, cs.MX], Index]:
-    """Return symbols of the parameters by name, and the indices in the system of all of them, the last ones first."""
+    """Return symbols of the parameters by name, and their indices in the system, the last symbol first."""
     total = len(subject.system.parameters)
     if subject.law is None:
         return {"parameters": cs.MX.sym("parameters", total)}, np.arange(total)
@@ -108,9 +110,9 @@ def _parameters(subject: Excited) -> tuple[dict[str, cs.MX], Index]:
     return symbols, np.arange(GRAVITY_SIZE, total)
 
 
-def _near(motion: PeriodicMotion, varied: Index, inputs: Array) -> tuple[Array, Array]:
+def _coefficients_and_derivatives(motion: PeriodicMotion, varied: Index, inputs: Array) -> tuple[Array, Array]:
     """Return the coefficients (c,) of the motion near a given one, and their derivatives, (c, m + 2)."""
-    point = _point_near(motion, varied, inputs)
+    point = _continue_motion(motion, varied, inputs)
     balance, by = point.family.balance, point.linear.by
     directions = np.eye(len(balance.system.parameters))[:, varied]
     by_parameters = balance.by_parameters(point.coefficients, point.setting, directions)
@@ -120,21 +122,21 @@ def _near(motion: PeriodicMotion, varied: Index, inputs: Array) -> tuple[Array, 
     return point.coefficients.ravel(), derivatives
 
 
-def _point_near(motion: PeriodicMotion, varied: Index, inputs: Array) -> Point:
-    """Return the motion near a given one, on a way in parts if that is not close enough."""
-    values, size = motion.balance.system.values, size_of(motion.balance, motion.coefficients)
-    begin = np.append(values[varied], [motion.frequency, motion.drive_amplitude])
-    for parts in (1, 4, 16):  # into which the way from the given motion is divided if Newton's method fails
+def _continue_motion(motion: PeriodicMotion, varied: Index, inputs: Array) -> Point:
+    """Return the motion near a given one; if Newton's method fails, change the inputs in several substeps."""
+    values, size = motion.balance.system.values, motion_size(motion.balance, motion.coefficients)
+    start_inputs = np.append(values[varied], [motion.frequency, motion.drive_amplitude])
+    for substeps in (1, 4, 16):
         C = motion.coefficients
         try:
-            for share in np.arange(1, parts + 1) / parts:
-                at = begin + share * (inputs - begin)
-                values[varied], (frequency, amplitude) = at[:-2], at[-2:].tolist()
+            for fraction in np.arange(1, substeps + 1) / substeps:
+                intermediate = start_inputs + fraction * (inputs - start_inputs)
+                values[varied], (frequency, amplitude) = intermediate[:-2], intermediate[-2:].tolist()
                 balance = replace(motion.balance, system=motion.balance.system.with_values(values))
                 setting = replace(motion.setting, omega=2 * math.pi * frequency, amplitude=amplitude)
                 scale = max(abs(amplitude), 1e-12)
                 family = Family(balance, setting, ("amplitude",), (scale,), size, math.inf)
-                point = point_at(family, family.joined(C, setting), family.unit("amplitude"))
+                point = point_at(family, family.join(C, setting), family.unit("amplitude"))
                 C = point.coefficients
         except NotFound:
             continue

@@ -16,7 +16,7 @@ from ancf_casadi.exceptions import InputError
 from ancf_casadi.response.backbone import Backbone
 from ancf_casadi.response.curve import ResponseCurve
 from ancf_casadi.response.linear_frf import LinearFrf
-from ancf_casadi.response.periodic import FINE, PeriodicMotion
+from ancf_casadi.response.periodic import PERIOD_SAMPLES, PeriodicMotion
 from ancf_casadi.support.arrays import Array, ComplexArray
 from ancf_casadi.support.figures import SERIES, literal_text
 
@@ -29,7 +29,7 @@ FIGURE_SIZE = (6.4, 5.6)  # inches
 def response_figure(curves: Mapping[str, ResponseCurve], point: float | None = None) -> Figure:
     """Draw amplitude and phase of a point along curves, by label; unstable motions are dashed, bifurcations marked."""
     figure = Figure(figsize=FIGURE_SIZE, layout="constrained")
-    above, below = _pair(figure, sharex=True, height_ratios=(2, 1))
+    above, below = _two_axes(figure, sharex=True, height_ratios=(2, 1))
     first = next(iter(curves.values()))
     name, unit = first.quantity
     if any(curve.quantity != first.quantity for curve in curves.values()):
@@ -41,10 +41,13 @@ def response_figure(curves: Mapping[str, ResponseCurve], point: float | None = N
         amplitude, phase = (1e3 if beam else 1.0) * curve.amplitude(point), np.degrees(curve.phase(point))
         for axes, y in ((above, amplitude), (below, phase)):
             _draw(axes, x, y, stable, colour, label if axes is above else "")
-        for own in curve.bifurcations:
-            marker, place = BIFURCATION_MARKERS[own.kind], (x[own.index], amplitude[own.index])
-            above.plot(*place, marker, color=colour, fillstyle="none", markersize=5)
-            kinds.add(own.kind)
+        for bifurcation in curve.bifurcations:
+            marker, position = (
+                BIFURCATION_MARKERS[bifurcation.kind],
+                (x[bifurcation.index], amplitude[bifurcation.index]),
+            )
+            above.plot(*position, marker, color=colour, fillstyle="none", markersize=5)
+            kinds.add(bifurcation.kind)
     above.set_ylabel("amplitude (mm)" if beam else "amplitude")
     below.set_ylabel("phase (degrees)")
     below.set_xlabel(f"{name} ({unit})" if unit else name)
@@ -52,7 +55,7 @@ def response_figure(curves: Mapping[str, ResponseCurve], point: float | None = N
     return figure
 
 
-def _pair(figure: Figure, **settings: Any) -> tuple[Axes, Axes]:
+def _two_axes(figure: Figure, **settings: Any) -> tuple[Axes, Axes]:
     """Return two diagrams of a figure, one below the other."""
     above, below = figure.subplots(2, 1, **settings)
     for axes in (above, below):
@@ -89,7 +92,7 @@ def _legend(axes: Axes, kinds: set[str], unstable: bool) -> None:
 def backbone_figure(backbones: Mapping[str, Backbone]) -> Figure:
     """Draw frequency and damping ratio against amplitude, by label."""
     figure = Figure(figsize=FIGURE_SIZE, layout="constrained")
-    above, below = _pair(figure, sharex=True)
+    above, below = _two_axes(figure, sharex=True)
     beam = next(iter(backbones.values())).motions[0].excited.model is not None
     for (label, curve), (colour, dash, _) in zip(backbones.items(), SERIES * len(backbones), strict=False):
         x = (1e3 if beam else 1.0) * curve.amplitudes
@@ -109,9 +112,9 @@ def backbone_figure(backbones: Mapping[str, Backbone]) -> Figure:
 def periodic_figure(motions: Mapping[str, PeriodicMotion]) -> Figure:
     """Draw the displacement of the tip, or of the first coordinate, over a period, and the size of its harmonics."""
     figure = Figure(figsize=FIGURE_SIZE, layout="constrained")
-    above, below = _pair(figure)
+    above, below = _two_axes(figure)
     beam = bool(next(iter(motions.values())).excited.unit)
-    scale, phases = 1e3 if beam else 1.0, np.linspace(0.0, 1.0, FINE + 1)
+    scale, phases = 1e3 if beam else 1.0, np.linspace(0.0, 1.0, PERIOD_SAMPLES + 1)
     for (label, motion), (colour, dash, marker) in zip(motions.items(), SERIES * len(motions), strict=False):
         displacement = scale * motion.displacement()
         above.plot(phases, np.append(displacement, displacement[0]), color=colour, linestyle=dash, label=label or None)
@@ -128,12 +131,12 @@ def periodic_figure(motions: Mapping[str, PeriodicMotion]) -> Figure:
 def frf_figure(functions: Mapping[str, LinearFrf]) -> Figure:
     """Draw amplitude and phase of frequency response functions against frequency (Bode plot)."""
     first = next(iter(functions.values()))
-    if any(own.kind != first.kind for own in functions.values()):
+    if any(frf.kind != first.kind for frf in functions.values()):
         raise InputError(f"the functions must be of the same kind, here {first.kind}", "figure")
     curves = [
-        Curve(f"{label}, {name}" if label else name, own.frequencies, values)
-        for label, own in functions.items()
-        for names, row in zip(own.labels(), own.values, strict=True)
+        Curve(f"{label}, {name}" if label else name, frf.frequencies, values)
+        for label, frf in functions.items()
+        for names, row in zip(frf.labels(), frf.values, strict=True)
         for name, values in zip(names, row, strict=True)
     ]
     return bode_figure([curves], first.kind.replace("-", " ") + (f", {first.unit}" if first.unit != "1" else ""))
@@ -180,7 +183,7 @@ def _draw_bode(above: Axes, below: Axes, curves: Sequence[Curve]) -> None:
         )
         above.semilogy(curve.frequencies, np.abs(curve.values), label=curve.name or None, **line)
         if curve.phase:
-            below.plot(curve.frequencies, _unbroken(np.degrees(np.angle(curve.values))), **line)
+            below.plot(curve.frequencies, _break_at_jumps(np.degrees(np.angle(curve.values))), **line)
     f = np.concatenate([curve.frequencies for curve in curves])
     # highest over lowest frequency, beyond which the axis is logarithmic
     if f.min() > 0.0 and f.max() > 8.0 * f.min():
@@ -190,8 +193,8 @@ def _draw_bode(above: Axes, below: Axes, curves: Sequence[Curve]) -> None:
         axes.grid(alpha=0.25, lw=0.6)
 
 
-def _unbroken(degrees: Array) -> Array:
+def _break_at_jumps(degrees: Array) -> Array:
     """Return phase angles with nan where they jump by a turn, so that no line is drawn there."""
-    broken = degrees.copy()
-    broken[1:][np.abs(np.diff(degrees)) > 180.0] = np.nan
-    return broken
+    result = degrees.copy()
+    result[1:][np.abs(np.diff(degrees)) > 180.0] = np.nan
+    return result

@@ -31,7 +31,7 @@ from ancf_casadi.response.harmonic_balance.balance import (
     Setting,
     basis_at,
     fourier,
-    least_samples,
+    initial_samples,
 )
 from ancf_casadi.response.harmonic_balance.beams import STRAIGHT, full_system, reduced_system
 from ancf_casadi.response.harmonic_balance.system import (
@@ -58,7 +58,7 @@ class Excited:
     drive: Drive
     body: Model | ReducedModel | None  # None for a system of the user
     law: DampingLaw | None = None  # of the beam
-    mode: int = 1  # of the beam, from 1, to whose reference point amplitudes refer
+    mode: int = 1  # of the beam, from 1; amplitudes refer to its reference point
     place: PointLoad = TIP  # of the load
 
     @property
@@ -90,8 +90,8 @@ class Excited:
 
     @property
     def balance(self) -> HarmonicBalance:
-        """The equations with the numbers of harmonics and samples to begin with."""
-        series = fourier(FIRST_HARMONICS, least_samples(FIRST_HARMONICS), self.symmetric)
+        """The equations with the initial numbers of harmonics and samples."""
+        series = fourier(FIRST_HARMONICS, initial_samples(FIRST_HARMONICS), self.symmetric)
         return HarmonicBalance(self.system, self.drive, series)
 
     def kinematics(self, C: Array, setting: Setting, phases: Array) -> tuple[Array, Array, Array]:
@@ -111,19 +111,19 @@ class Excited:
             return q[whole(0 if point is None else point, "point", 0, self.system.size - 1), :]
         interpolation = model.interpolation(self.reference if point is None else point)
         ax, ay = model.beam.axis
-        along = np.array(unit_vector((-ay, ax) if direction is None else direction, "direction"))
+        unit_direction = np.array(unit_vector((-ay, ax) if direction is None else direction, "direction"))
         if isinstance(self.body, ReducedModel):
             motion = reduced_motion(self.body.projection, q, 0 * q, u[:BASE_SIZE, :], cs.DM(2, 1))
             shape = cs.DM(interpolation[:1, ::2] @ self.body.projection.shape)
-            relative_position = cs.vertcat(*(shape @ part for part in motion.parts))
+            relative_position = cs.vertcat(*(shape @ coordinates for coordinates in motion.parts))
         else:
             axis = cs.repmat(cs.DM([ax, ay]), 1, q.size2())
             relative_position = cs.DM(interpolation) @ model.whole(q, cs.vertcat(u[:2, :], axis)) - u[:2, :]
         position = relative_position if relative else relative_position + u[:2, :]
-        return cs.DM(along).T @ position
+        return cs.DM(unit_direction).T @ position
 
 
-def excited(
+def excite(
     body: Body,
     damping: DampingLaw | None,
     base: BaseMotion | None = None,
@@ -132,12 +132,12 @@ def excited(
     *,
     mode: int | None = None,
 ) -> Excited:
-    """Return a beam or a system with its excitation; for a free vibration in a mode, without any."""
+    """Return a beam or a system with its excitation, or without excitation for a free vibration in a mode."""
     check_instance(body, "model", Model, ReducedModel, SecondOrderSystem)
     check_instance(damping, "damping", DampingLaw, NoneType)
     if isinstance(body, SecondOrderSystem):
-        for name, given in (("damping", damping), ("base", base), ("load", load)):
-            if given is not None:
+        for name, argument in (("damping", damping), ("base", base), ("load", load)):
+            if argument is not None:
                 raise InputError("belongs to a beam; a SecondOrderSystem has its own, and takes a HarmonicForce", name)
         return Excited(body, no_drive(body.excitation) if mode else force_drive(force, body.excitation), None)
     if force is not None:

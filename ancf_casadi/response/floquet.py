@@ -66,18 +66,18 @@ def floquet_multipliers(
     eigenvalues of P times the matrix of half a period.
     """
     samples, size, _ = K.shape
-    # highest oscillations per period whose multipliers are accurate to 3e-6; the time grows in proportion, and with up
-    # to 32 degrees of freedom all that N samples can excite is resolved within milliseconds
-    resolved = max(8, samples / 4 if size <= 32 else min(samples / 8, 64))
-    steps = 2 * max(1, int(np.ceil(resolved)))
-    taken = steps if mirror is None else steps // 2
-    at_once = max(1, (2**22) // (FLOQUET_STAGES * size) ** 2)  # of the matrices that are solved at a time
+    # the multipliers of vibrations up to this number of oscillations per period are accurate to 3e-6; the computing
+    # time is proportional to it, and up to 32 degrees of freedom all that N samples can excite takes milliseconds
+    resolved_oscillations = max(8, samples / 4 if size <= 32 else min(samples / 8, 64))
+    steps = 2 * max(1, int(np.ceil(resolved_oscillations)))
+    taken_steps = steps if mirror is None else steps // 2
+    batch_size = max(1, (2**22) // (FLOQUET_STAGES * size) ** 2)  # steps whose matrices are solved at a time
     try:
-        parts = [
-            _factors((K, D, M), np.arange(begin, min(begin + at_once, taken)), steps, period)
-            for begin in range(0, taken, at_once)
+        batches = [
+            _step_matrices((K, D, M), np.arange(begin, min(begin + batch_size, taken_steps)), steps, period)
+            for begin in range(0, taken_steps, batch_size)
         ]
-        monodromy = _product(np.concatenate(parts))
+        monodromy = _ordered_product(np.concatenate(batches))
         if mirror is not None:
             monodromy = np.tile(mirror, 2)[:, None] * monodromy
         values = np.linalg.eigvals(monodromy).astype(complex)
@@ -98,17 +98,21 @@ def is_stable(multipliers: ComplexArray) -> bool:
 def bifurcations(before: ComplexArray, after: ComplexArray, *, turned: bool) -> tuple[Bifurcation, ...]:
     """Return the bifurcations between two neighbouring points of a curve.
 
-    A real multiplier that crosses +1 or -1 alone changes whether the number beyond is odd, also if other multipliers
-    cross at the same time or conjugates meet on the real axis.
-    If the curve turns between the points, a crossing of +1 is a fold.
+    An odd change of the number of multipliers beyond +1 or -1 shows that a real one has crossed, also if other
+    multipliers cross at the same time or conjugates meet on the real axis.  If the curve turns between the points, a
+    crossing of +1 is a fold.
     """
-    above, below, beside = (abs(_outside(before, sign) - _outside(after, sign)) for sign in (1, -1, 0))
-    crossed = abs(_outside(before) - _outside(after))
-    found: list[Bifurcation] = ["fold"] if turned else ["branch point"] if above % 2 else []
-    found += ["period doubling"] if below % 2 else []
-    if crossed - above % 2 - below % 2 >= 2:
-        found.append("Neimark-Sacker" if beside else "period doubling" if below else "branch point")
-    return tuple(found)
+    plus_crossings, minus_crossings, complex_crossings = (
+        abs(_outside(before, sign) - _outside(after, sign)) for sign in (1, -1, 0)
+    )
+    all_crossings = abs(_outside(before) - _outside(after))
+    kinds: list[Bifurcation] = ["fold"] if turned else ["branch point"] if plus_crossings % 2 else []
+    kinds += ["period doubling"] if minus_crossings % 2 else []
+    if all_crossings - plus_crossings % 2 - minus_crossings % 2 >= 2:
+        kinds.append(
+            "Neimark-Sacker" if complex_crossings else "period doubling" if minus_crossings else "branch point"
+        )
+    return tuple(kinds)
 
 
 def _outside(multipliers: ComplexArray, sign: int | None = None) -> int:
@@ -118,11 +122,11 @@ def _outside(multipliers: ComplexArray, sign: int | None = None) -> int:
     return int(np.sum(signs == sign)) if sign is not None else len(outside)
 
 
-def _factors(matrices: Sequence[Array], numbers: Index, steps: int, period: float) -> Array:
-    """Return the matrices (k, 2n, 2n) of some steps, given by their numbers (k,), in terms of (x, h x_t)."""
+def _step_matrices(matrices: Sequence[Array], numbers: Index, steps: int, period: float) -> Array:
+    """Return the matrices (k, 2n, 2n) of the steps with the numbers (k,), for the state (x, h x_t)."""
     phases = 2 * np.pi * (numbers[:, None] + _nodes()).ravel() / steps
     basis = basis_at(phases, (max(map(len, matrices)) - 1) // 2)
-    K, D, M = (_interpolated(A, basis).reshape(len(numbers), FLOQUET_STAGES, *A.shape[-2:]) for A in matrices)
+    K, D, M = (_interpolate(A, basis).reshape(len(numbers), FLOQUET_STAGES, *A.shape[-2:]) for A in matrices)
     B, size, step = _derivative_matrix(), K.shape[-1], period / steps
     A = np.empty((len(numbers), FLOQUET_STAGES, size, FLOQUET_STAGES, size))  # of the increments z
     A[:] = (B @ B)[:, None, :, None] * M[:, :, :, None, :]
@@ -140,7 +144,7 @@ def _factors(matrices: Sequence[Array], numbers: Index, steps: int, period: floa
     return np.asarray(factors)
 
 
-def _product(factors: Array) -> Array:
+def _ordered_product(factors: Array) -> Array:
     """Return the product of matrices (k, m, m), the first on the right."""
     while len(factors) > 1:
         even = len(factors) - len(factors) % 2
@@ -148,7 +152,7 @@ def _product(factors: Array) -> Array:
     return np.asarray(factors[0])
 
 
-def _interpolated(A: Array, basis: Array) -> Array:
+def _interpolate(A: Array, basis: Array) -> Array:
     """Return a periodic matrix, of samples (N, n, n) or a constant (n, n), at the phases of a Fourier basis."""
     A = A.reshape(-1, *A.shape[-2:])
     varying, harmonics = np.any(A != A[0], axis=0), (len(A) - 1) // 2
@@ -168,7 +172,7 @@ def _nodes() -> Array:
 
 @lru_cache(maxsize=1)
 def _derivative_matrix() -> Array:
-    """Return the matrix B (7, 7) from the values of a polynomial at the nodes, 0 at 0, to its derivatives there."""
+    """Return the matrix B (7, 7) from the values at the nodes of a polynomial that is 0 at 0 to its derivatives."""
     nodes = np.append(0.0, _nodes())
     distance = nodes[:, None] - nodes + np.eye(FLOQUET_STAGES + 1)
     weights = 1 / distance.prod(axis=1)

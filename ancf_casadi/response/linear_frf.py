@@ -5,8 +5,8 @@ Small displacements w of the free coordinates about an equilibrium obey
     M w_tt + D w_t + K w = S_j^T f(t),
 
 with the tangent stiffness K at the equilibrium (gravity and loads included), the mass M, and D = dQ_damp/de_t at rest,
-the low-rank part of modal damping and the dashpots included.  The row S_j picks the displacement of the loaded point
-along the direction of the load, S_i that of a response.  Under f = F exp(i omega t), the receptance is
+which includes the low-rank term of modal damping and the dashpots.  The row S_j picks the displacement of the loaded
+point along the direction of the load, S_i that of a response.  Under f = F exp(i omega t), the receptance is
 
     H_ij = S_i (K + i omega D - omega^2 M)^-1 S_j^T.
 
@@ -65,11 +65,9 @@ FRF_UNITS = {
     "relative-transmissibility": "1",
 }
 FRF_POWERS = {"receptance": 0, "mobility": 1, "accelerance": 2}  # powers of i omega
-# these frequencies, relative to the first and last mode; half-widths about a resonance
-SPAN, HALF_WIDTHS = (0.2, 1.3), 10.0
-TRIAL_AMPLITUDE = (
-    0.01  # of the reference point, in lengths of the beam; there, damping ratios are compared with those at rest
-)
+FREQUENCY_SPAN = 0.2, 1.3  # default first and last frequency, relative to the first and last mode
+HALF_WIDTHS = 10.0  # range of the dense frequencies about a resonance
+TRIAL_AMPLITUDE = 0.01  # of the reference point, per length; for the comparison with damping ratios at rest
 
 
 @dataclass(frozen=True, eq=False)
@@ -134,17 +132,16 @@ class LinearFrf(Reported):
     def warnings(self) -> tuple[str, ...]:
         """Limitations of small motion."""
         count, length, point = self.modes.count, self.modes.model.beam.length, self.modes.reference_points[0]
-        rest, moving = (
+        rest_ratios, moving_ratios = (
             self.damping.damping_ratios(self.modes, np.full(count, a)) for a in (0.0, TRIAL_AMPLITUDE * length)
         )
-        # relative difference of the damping ratios beyond which there is a warning
-        if np.allclose(moving, rest, rtol=0.01, atol=0.0):
+        if np.allclose(moving_ratios, rest_ratios, rtol=0.01, atol=0.0):
             return ()
-        where = "of the tip" if point == length else f"at {point:.4g} m"
+        location = "of the tip" if point == length else f"at {point:.4g} m"
         return (
             "the damping depends on the amplitude, and these functions hold for very small motion only: at an "
-            f"amplitude of {1e3 * TRIAL_AMPLITUDE * length:.2g} mm {where}, the damping ratio of mode 1 is "
-            f"{moving[0]:.3g}, not {rest[0]:.3g}",
+            f"amplitude of {1e3 * TRIAL_AMPLITUDE * length:.2g} mm {location}, the damping ratio of mode 1 is "
+            f"{moving_ratios[0]:.3g}, not {rest_ratios[0]:.3g}",
         )
 
     def labels(self) -> list[list[str]]:
@@ -157,21 +154,21 @@ class LinearFrf(Reported):
         rows: list[tuple[str | float, ...]] = []
         for names, row in zip(self.labels(), self.values, strict=True):
             for name, values in zip(names, row, strict=True):
-                size = np.abs(values)
-                peaks = 1 + np.flatnonzero((size[1:-1] > size[:-2]) & (size[1:-1] >= size[2:]))
+                amplitude = np.abs(values)
+                peaks = 1 + np.flatnonzero((amplitude[1:-1] > amplitude[:-2]) & (amplitude[1:-1] >= amplitude[2:]))
                 rows += [
-                    (name, float(self.frequencies[k]), float(size[k]), math.degrees(np.angle(values[k])))
+                    (name, float(self.frequencies[k]), float(amplitude[k]), math.degrees(np.angle(values[k])))
                     for k in peaks.tolist()
                 ]
         columns = ("response / load", "frequency_Hz", f"amplitude, {self.unit}", "phase_deg")
         ratios = _damping_ratios(self.modes, self.damping)
         pairs = zip(self.modes.frequencies.tolist(), ratios.tolist(), strict=True)
-        own = ", ".join(f"{frequency:.4g} Hz ({100 * ratio:.3g} %)" for frequency, ratio in pairs)
+        modes = ", ".join(f"{frequency:.4g} Hz ({100 * ratio:.3g} %)" for frequency, ratio in pairs)
         title = f"Peaks of the {self.kind.replace('-', ' ')} at {len(self.frequencies)} frequencies"
-        return Table("frf", title, columns, rows, (f"natural frequencies (damping ratios): {own}",))
+        return Table("frf", title, columns, rows, (f"natural frequencies (damping ratios): {modes}",))
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the result for JSON, real and imaginary parts apart, lists in the order (outputs, inputs, k)."""
+        """Return the result as plain data, with real and imaginary parts as lists (outputs, inputs, k)."""
         return {
             "kind": "frequency response of small motion",
             "quantity": self.kind,
@@ -235,7 +232,7 @@ def linear_frf(
     Raises
     ------
     InputError
-        If an argument is not of its kind, a point is not on the beam, or a frequency is a resonance without damping.
+        If an argument has another type, a point is not on the beam, or a frequency is an undamped resonance.
     EquilibriumError
         If the equilibrium is unstable, or none is found.
 
@@ -255,100 +252,102 @@ def linear_frf(
     check_instance(damping, "damping", DampingLaw, NoneType)
     check_instance(equilibrium, "equilibrium", Equilibrium, NoneType)
     choice(kind, get_args(FrfKind), "kind")
-    moved = kind not in FRF_POWERS
-    if moved and load_points is not None:
+    base_moves = kind not in FRF_POWERS
+    if base_moves and load_points is not None:
         raise InputError(f"has no meaning for a {kind}, in which the base moves", "load_points")
     axis = model.beam.axis
     response_direction = unit_vector((-axis[1], axis[0]) if direction is None else direction, "direction")
     input_direction = response_direction if load_direction is None else unit_vector(load_direction, "load_direction")
     law = damping or RayleighDamping()
-    given = {name: _points(model, own, name) for name, own in (("points", points), ("load_points", load_points))}
-    rest = equilibrium or static_equilibrium(model, loads=law.loads(model.beam))
-    # resonances in the frequencies that are chosen if none are given
-    modes = _bending(natural_modes(model, count=min(5, model.freedoms), equilibrium=rest))
-    responding, loaded = (own or modes.reference_points[:1] for own in given.values())
-    loaded = () if moved else loaded
-    f = _chosen(modes, law) if frequencies is None else _frequencies(frequencies)
+    arc_lengths = _check_points(model, points, "points"), _check_points(model, load_points, "load_points")
+    state = equilibrium or static_equilibrium(model, loads=law.loads(model.beam))
+    # the default frequencies cover five resonances
+    modes = _without_rigid_modes(natural_modes(model, count=min(5, model.freedoms), equilibrium=state))
+    response_points, loaded_points = (positions or modes.reference_points[:1] for positions in arc_lengths)
+    loaded_points = () if base_moves else loaded_points
+    f = _default_frequencies(modes, law) if frequencies is None else _check_frequencies(frequencies)
 
-    rows = _rows(model, responding, response_direction)
-    if moved:
+    rows = _displacement_rows(model, response_points, response_direction)
+    if base_moves:
         translation = model.unit_velocities @ np.array(input_direction)[:, None]
-        values = _responses(rest, law, f, rows, np.zeros((rows.shape[1], 1)), translation)
+        values = _responses(state, law, f, rows, np.zeros((rows.shape[1], 1)), translation)
         if kind == "transmissibility":
             values += np.dot(response_direction, input_direction)
     else:
-        forces = _rows(model, loaded, input_direction).T
-        values = _responses(rest, law, f, rows, forces, np.zeros((model.size, len(loaded))))
+        forces = _displacement_rows(model, loaded_points, input_direction).T
+        values = _responses(state, law, f, rows, forces, np.zeros((model.size, len(loaded_points))))
         values = values * (2j * np.pi * f) ** FRF_POWERS[kind]
     if not np.isfinite(values).all():
         raise InputError("one is a natural frequency of the beam, and there is no damping", "frequencies")
-    return LinearFrf(kind, f, values, responding, loaded, response_direction, input_direction, modes, law)
+    return LinearFrf(kind, f, values, response_points, loaded_points, response_direction, input_direction, modes, law)
 
 
-def _points(model: Model, given: Any, where: str) -> tuple[float, ...]:
-    """Return arc lengths of points on the beam; empty if they are not given."""
-    if given is None:
+def _check_points(model: Model, value: Any, name: str) -> tuple[float, ...]:
+    """Return arc lengths of points on the beam; empty for None."""
+    if value is None:
         return ()
-    values = tuple(number(s, where) for s in given) if is_sequence(given) else (number(given, where),)
+    values = tuple(number(s, name) for s in value) if is_sequence(value) else (number(value, name),)
     if not values:
-        raise InputError("is empty; give at least one arc length", where)
+        raise InputError("is empty; give at least one arc length", name)
     for s in values:
         if not 0.0 <= s <= model.beam.length:
-            raise InputError(f"must be on the beam, 0 to {model.beam.length:g} m, got {s:g}", where)
+            raise InputError(f"must be on the beam, 0 to {model.beam.length:g} m, got {s:g}", name)
     return values
 
 
-def _frequencies(given: ArrayLike) -> Array:
+def _check_frequencies(value: ArrayLike) -> Array:
     """Return frequencies as an array."""
-    f = np.atleast_1d(array(given, "frequencies"))
+    f = np.atleast_1d(array(value, "frequencies"))
     if f.ndim != 1 or not f.size or (f < 0.0).any() or (f > LARGEST_TIME).any():
         raise InputError(f"must be one or more frequencies, Hz, from 0 to {LARGEST_TIME:g}", "frequencies")
     return f
 
 
-def _chosen(modes: Modes, law: DampingLaw) -> Array:
-    """Return frequencies that show the resonances of the modes, close together where the response changes fast."""
+def _default_frequencies(modes: Modes, law: DampingLaw) -> Array:
+    """Return frequencies that cover the resonances of the modes, dense where the response changes fast."""
     f = modes.frequencies
     ratios = np.clip(_damping_ratios(modes, law), 1e-4, 0.1)
-    even = np.geomspace(SPAN[0] * f[0], SPAN[1] * f[-1], 400)
-    near = HALF_WIDTHS * np.sinh(np.linspace(-4.0, 4.0, 61)) / np.sinh(4.0)
-    return np.unique(np.concatenate([even, *(own * (1 + ratio * near) for own, ratio in zip(f, ratios, strict=True))]))
+    grid = np.geomspace(FREQUENCY_SPAN[0] * f[0], FREQUENCY_SPAN[1] * f[-1], 400)
+    offsets = HALF_WIDTHS * np.sinh(np.linspace(-4.0, 4.0, 61)) / np.sinh(4.0)
+    near_resonances = f[:, None] * (1 + ratios[:, None] * offsets)
+    return np.unique(np.append(grid, near_resonances))
 
 
-def _bending(modes: Modes) -> Modes:
-    """Return the modes without the rigid-body motions of a beam that is not held."""
-    held = modes.frequencies > 0.0
-    return Modes(modes.equilibrium, modes.frequencies[held], modes.shapes[:, held])
+def _without_rigid_modes(modes: Modes) -> Modes:
+    """Return the modes without those of rigid motion."""
+    flexible = modes.frequencies > 0.0
+    return Modes(modes.equilibrium, modes.frequencies[flexible], modes.shapes[:, flexible])
 
 
 def _damping_ratios(modes: Modes, law: DampingLaw) -> Array:
-    """Return the damping ratios of very small motion by the law and the dashpots of the beam, (m,)."""
+    """Return the damping ratios of very small motion due to the law and the dashpots of the beam, (m,)."""
     model, shapes = modes.model, modes.shapes
-    resisted = (shapes * model.dashpot_force(shapes, model.properties).full()).sum(axis=0)
-    own: Array = law.damping_ratios(modes, np.zeros(modes.count))
-    return np.asarray(own + resisted / (2 * modes.angular_frequencies))
+    dashpot_damping = (shapes * model.dashpot_force(shapes, model.properties).full()).sum(axis=0)
+    law_ratios: Array = law.damping_ratios(modes, np.zeros(modes.count))
+    return np.asarray(law_ratios + dashpot_damping / (2 * modes.angular_frequencies))
 
 
-def _rows(model: Model, points: Sequence[float], direction: tuple[float, float]) -> Array:
-    """Return the rows S of points along a direction, (points, free)."""
+def _displacement_rows(model: Model, points: Sequence[float], direction: tuple[float, float]) -> Array:
+    """Return the rows S that pick the displacements of points along a direction, (points, free)."""
     return np.array([model.of_free(np.array(direction) @ model.interpolation(s)) for s in points])
 
 
 def _responses(
-    rest: Equilibrium, law: DampingLaw, f: Array, outputs: Array, forces: Array, translation: Array
+    equilibrium: Equilibrium, law: DampingLaw, f: Array, rows: Array, forces: Array, translation: Array
 ) -> ComplexArray:
-    """Return the displacements of points, given by rows, relative to the base, (outputs, inputs, k)."""
-    model, B = rest.model, law.projection(rest.model)
-    D, own, d = damping_at_rest(model, law)(rest.coordinates)
+    """Return the displacements relative to the base that the rows pick, (outputs, inputs, k)."""
+    model, B = equilibrium.model, law.projection(equilibrium.model)
+    D, tangent_damping, d = damping_at_rest(model, law)(equilibrium.coordinates)
     M, d = model.mass(model.properties).sparse(), d.full()
-    resisted, moved = map(model.of_free, (D.sparse() @ translation + B @ (d * (B.T @ translation)), M @ translation))
-    _, stiffness, mass = rest.structure.linearisation(rest.exact)
-    own, damping = own.sparse().tocoo(), np.zeros_like(stiffness)
-    np.add.at(damping, (BANDWIDTH + own.row - own.col, own.col), own.data)
-    B, found = model.of_free(B), []
+    damping_force = model.of_free(D.sparse() @ translation + B @ (d * (B.T @ translation)))
+    inertia_force = model.of_free(M @ translation)
+    _, stiffness, mass = equilibrium.structure.linearisation(equilibrium.exact)
+    entries, damping = tangent_damping.sparse().tocoo(), np.zeros_like(stiffness)
+    np.add.at(damping, (BANDWIDTH + entries.row - entries.col, entries.col), entries.data)
+    B, responses = model.of_free(B), []
     for ω in 2 * np.pi * f:
         storage = np.zeros((3 * BANDWIDTH + 1, stiffness.shape[1]), dtype=complex, order="F")
         storage[BANDWIDTH:] = stiffness + 1j * ω * damping - ω**2 * mass
         factors = BandedFactors.of(storage, BANDWIDTH, 1j * ω * B * d.T, B)
-        found.append(outputs @ factors.solve(forces - 1j * ω * resisted + ω**2 * moved))
-    return np.stack(found, axis=2)
+        responses.append(rows @ factors.solve(forces - 1j * ω * damping_force + ω**2 * inertia_force))
+    return np.stack(responses, axis=2)

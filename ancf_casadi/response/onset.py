@@ -1,7 +1,7 @@
 """The periodic motion that a harmonic excitation reaches when it grows slowly from zero.
 
-Where several steady states exist, as between the folds of a response curve, this one is found by continuation: the
-curve of motions is followed in the amplitude of the excitation, from small motion, until it first has the requested
+If several steady states exist, as between the folds of a response curve, this one is found by continuation: the curve
+of motions is followed in the amplitude of the excitation, from small motion to the first point with the requested
 amplitude.
 """
 
@@ -17,13 +17,13 @@ from ancf_casadi.damping import DampingLaw
 from ancf_casadi.dynamics.base_motion import BaseMotion
 from ancf_casadi.dynamics.tip_load import TipLoad
 from ancf_casadi.exceptions import NumericsError
-from ancf_casadi.response.excited import Body, Excited, excited
-from ancf_casadi.response.harmonic_balance.balance import HarmonicBalance, Setting, size_of
+from ancf_casadi.response.excited import Body, Excited, excite
+from ancf_casadi.response.harmonic_balance.balance import HarmonicBalance, Setting, motion_size
 from ancf_casadi.response.harmonic_balance.continuation import (
     SMALLEST_SIZE,
     ContinuationStep,
     follow,
-    located,
+    locate_zero,
     point_at,
 )
 from ancf_casadi.response.harmonic_balance.family import Family, NotFound, Point
@@ -34,8 +34,8 @@ from ancf_casadi.support.inputs import positive
 from ancf_casadi.support.interrupts import lasting_interrupts
 
 RESPONSE_ERROR = 1e-6
-FIRST_SHARE = 0.01  # of the amplitude of the excitation, at which the continuation begins
-MOST_ONSET_STEPS = 300
+START_SHARE = 0.01  # of the requested amplitude of the excitation; the continuation begins there
+MAX_ONSET_STEPS = 300
 
 
 @lasting_interrupts()
@@ -88,35 +88,37 @@ def periodic_motion(
     the tip swings 155 mm
     """
     tolerance = positive(tolerance, "tolerance")
-    subject = excited(model, damping, base, load, force)
-    return motion_of(subject, grown(subject, subject.drive.omega, subject.drive.amplitude, tolerance))
+    subject = excite(model, damping, base, load, force)
+    return as_periodic_motion(subject, follow_onset(subject, subject.drive.omega, subject.drive.amplitude, tolerance))
 
 
-def motion_of(subject: Excited, point: Point) -> PeriodicMotion:
+def as_periodic_motion(subject: Excited, point: Point) -> PeriodicMotion:
     """Return a point of a curve as a periodic motion."""
     balance = point.family.balance
     return PeriodicMotion(subject, balance, point.coefficients, point.setting, point.multipliers, point.errors)
 
 
-def grown(subject: Excited, omega: float, amplitude: float, tolerance: float) -> Point:
-    """Return the motion, with the amplitude as the free entry, that a slowly growing excitation reaches."""
+def follow_onset(subject: Excited, omega: float, amplitude: float, tolerance: float) -> Point:
+    """Return the motion that a slowly growing excitation reaches, with the amplitude as the free entry."""
     balance = subject.balance
     response = linear_response(balance, omega)
-    # largest size of the motion there, relative to the scale of the system
-    first = amplitude * min(FIRST_SHARE, 0.01 / max(size_of(balance, amplitude * response[1]), SMALLEST_SIZE))
-    if first < 1e-9 * amplitude:
-        raise _undamped(omega)
-    return reached(small_motion_at(balance, omega, response, first, amplitude, tolerance), amplitude)
+    # 0.01 limits the size of the first motion, relative to the scale of the system
+    size = max(motion_size(balance, amplitude * response[1]), SMALLEST_SIZE)
+    start_amplitude = amplitude * min(START_SHARE, 0.01 / size)
+    if start_amplitude < 1e-9 * amplitude:
+        raise _resonance_error(omega)
+    start = small_motion_at(balance, omega, response, start_amplitude, amplitude, tolerance)
+    return continue_to_amplitude(start, amplitude)
 
 
 def linear_response(balance: HarmonicBalance, omega: float) -> tuple[Array, Array]:
-    """Return the coefficients at rest, and their derivatives by the amplitude of the excitation, (2 H + 1, n) each."""
-    at_rest = rest(balance, omega)
-    linear, change = balance.linearised(at_rest, Setting(omega, 0.0)), np.zeros_like(at_rest)
+    """Return the coefficients in equilibrium and their derivatives by the amplitude of the excitation, (2 H + 1, n)."""
+    at_rest = solve_equilibrium(balance, omega)
+    linear, change = balance.linearise(at_rest, Setting(omega, 0.0)), np.zeros_like(at_rest)
     try:
         change[balance.allowed] = -np.linalg.solve(linear.by_coefficients, linear.by["amplitude"])
     except np.linalg.LinAlgError:
-        raise _undamped(omega) from None
+        raise _resonance_error(omega) from None
     return at_rest, change
 
 
@@ -128,31 +130,31 @@ def small_motion_at(
     scale: float,
     tolerance: float,
 ) -> Point:
-    """Return the motion near the linear response to a small amplitude of the excitation, whose changes have a scale."""
-    (at_rest, change), setting = response, Setting(omega, 0.0)
-    size = max(size_of(balance, amplitude * change), SMALLEST_SIZE)
+    """Return the motion near the linear response to a small amplitude; ``scale`` is a typical amplitude."""
+    (at_rest, response_slope), setting = response, Setting(omega, 0.0)
+    size = max(motion_size(balance, amplitude * response_slope), SMALLEST_SIZE)
     family = Family(balance, setting, ("amplitude",), (scale,), size, tolerance)
-    start, moved = family.joined(at_rest, setting), family.joined(amplitude * change, Setting(omega, amplitude))
+    start, change = family.join(at_rest, setting), family.join(amplitude * response_slope, Setting(omega, amplitude))
     try:
-        return point_at(family, family.moved(start, moved), family.unit("amplitude"))
+        return point_at(family, family.add_change(start, change), family.unit("amplitude"))
     except NotFound:
         raise NumericsError(
-            f"no steady state was found at {omega / (2 * np.pi):.6g} Hz even for a small part of the excitation: "
+            f"no steady state was found at {omega / (2 * np.pi):.6g} Hz even for a small fraction of the excitation: "
             "replace a force that jumps, such as dry friction, by a smooth one, or change the frequency"
         ) from None
 
 
-def reached(point: Point, amplitude: float) -> Point:
-    """Return the point at which the excitation first has an amplitude, on the curve of motions in its direction."""
+def continue_to_amplitude(point: Point, amplitude: float) -> Point:
+    """Follow the curve of motions to the first point at which the excitation has the amplitude."""
     direction = np.sign(amplitude - point.setting.amplitude) * point.family.unit("amplitude")
     step = crossing(point, direction, lambda end: end.setting.amplitude - amplitude, 4.0)
     if step is None:
         raise NumericsError(
-            f"the amplitude of the excitation stays below {amplitude:g} for {MOST_ONSET_STEPS} steps along "
+            f"the amplitude of the excitation stays below {amplitude:g} for {MAX_ONSET_STEPS} steps along "
             "the curve of motions; "
             "without enough damping a resonance has no steady state: add damping, or change the frequency"
         )
-    return set_to(step, "amplitude", amplitude)
+    return point_at_value(step, "amplitude", amplitude)
 
 
 def crossing(
@@ -162,36 +164,36 @@ def crossing(
     first_step: float,
     longest: Callable[[Point, Array], float] = lambda point, tangent: math.inf,
 ) -> ContinuationStep | None:
-    """Return the first step along a curve in which a function changes its sign; None if there is none in 300 steps."""
-    for step in itertools.islice(follow(point, direction, first_step, longest), MOST_ONSET_STEPS + 1):
+    """Return the first of 300 steps along a curve in which a function changes its sign, or None."""
+    for step in itertools.islice(follow(point, direction, first_step, longest), MAX_ONSET_STEPS + 1):
         if (test(step.start) < 0.0) != (test(step.end) < 0.0):
             return step
     return None
 
 
-def set_to(step: ContinuationStep, name: str, value: float) -> Point:
-    """Return the point of a step at which a free entry of the setting has a value."""
+def point_at_value(step: ContinuationStep, name: str, value: float) -> Point:
+    """Return the point of a step at which a free entry of the setting has the value."""
     family = step.start.family
     scale = family.scale[family.place(name)]
     try:
-        near = located(step, lambda point, _: (getattr(point.setting, name) - value) / scale)
-        guess = near.z.copy()
-        guess[near.family.place(name)] = value
-        return point_at(near.family, guess, near.family.unit(name), near)
+        nearby = locate_zero(step, lambda point, _: (getattr(point.setting, name) - value) / scale)
+        guess = nearby.z.copy()
+        guess[nearby.family.place(name)] = value
+        return point_at(nearby.family, guess, nearby.family.unit(name), nearby)
     except NotFound:
         raise NumericsError(
             f"no periodic motion was found at {name} = {value:g}; try a slightly different value"
         ) from None
 
 
-def rest(balance: HarmonicBalance, omega: float) -> Array:
-    """Return the coefficients at rest without excitation, (2 H + 1, n)."""
+def solve_equilibrium(balance: HarmonicBalance, omega: float) -> Array:
+    """Return the coefficients in equilibrium without excitation, (2 H + 1, n)."""
     C = np.zeros((balance.fourier.size, balance.system.size))
     C[0] = balance.system.rest
     setting = Setting(omega, 0.0)
     for _ in range(50):
-        linear = balance.linearised(C, setting)
-        K = balance.system.matrix(linear.matrices[0][0])
+        derivatives = balance.linearise(C, setting)
+        K = balance.system.matrix(derivatives.matrices[0][0])
         try:
             change = -np.linalg.solve(K, balance.residual(C, setting)[0])
         except np.linalg.LinAlgError:
@@ -204,7 +206,7 @@ def rest(balance: HarmonicBalance, omega: float) -> Array:
     )
 
 
-def _undamped(omega: float) -> NumericsError:
+def _resonance_error(omega: float) -> NumericsError:
     return NumericsError(
         f"there is no steady state at {omega / (2 * np.pi):.6g} Hz, even of small motion: an undamped mode is in "
         "resonance there; add damping, or change the frequency"

@@ -28,7 +28,7 @@ from ancf_casadi.support.files import check_file, write_file
 from ancf_casadi.support.inputs import instances, whole
 from ancf_casadi.support.tables import Reported, Table, counted
 
-FINE = 256  # samples of a period for peaks and harmonics of a point
+PERIOD_SAMPLES = 256  # samples of a period for peaks and harmonics of a point
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,10 +116,10 @@ class PeriodicMotion(Reported):
         InputError
             If the point or coordinate does not exist.
         """
-        phases = fourier(0, FINE).phases
+        phases = fourier(0, PERIOD_SAMPLES).phases
         q, _, u = self.excited.kinematics(self.coefficients, self.setting, phases)
-        read = self.excited.displacement(cs.DM(q), cs.DM(u), point, direction, relative=relative)
-        return np.asarray(read.full().ravel())
+        displacement = self.excited.displacement(cs.DM(q), cs.DM(u), point, direction, relative=relative)
+        return np.asarray(displacement.full().ravel())
 
     def amplitude(
         self, point: float | None = None, *, direction: Sequence[float] | None = None, relative: bool = True
@@ -135,7 +135,7 @@ class PeriodicMotion(Reported):
         X_1 of a displacement A sin(omega t + phi) is A exp(i phi), and X_0 is i times the mean.  The arguments are
         those of ``displacement``.
         """
-        spectrum = np.fft.rfft(self.displacement(point, direction=direction, relative=relative)) / FINE
+        spectrum = np.fft.rfft(self.displacement(point, direction=direction, relative=relative)) / PERIOD_SAMPLES
         spectrum[1:] *= 2.0
         return np.asarray(1j * spectrum)
 
@@ -147,8 +147,8 @@ class PeriodicMotion(Reported):
 
     @cached_property
     def _energies(self) -> tuple[float, float]:
-        lost, supplied = self.balance.sampled_powers(self.coefficients, self.setting)
-        return float(lost.mean()) / self.frequency, float(supplied.mean()) / self.frequency
+        dissipated, supplied = self.balance.sampled_powers(self.coefficients, self.setting)
+        return float(dissipated.mean()) / self.frequency, float(supplied.mean()) / self.frequency
 
     @property
     def dissipated_energy(self) -> float:
@@ -160,7 +160,7 @@ class PeriodicMotion(Reported):
         """Energy supplied by the excitation in a period, J."""
         return self._energies[1]
 
-    def trajectory(self, samples: int = FINE) -> Trajectory | ReducedTrajectory:
+    def trajectory(self, samples: int = PERIOD_SAMPLES) -> Trajectory | ReducedTrajectory:
         """Return the motion of a beam over one period, sampled at equal intervals; both ends are included.
 
         Parameters
@@ -186,14 +186,16 @@ class PeriodicMotion(Reported):
         slope = np.tile(np.array(body.beam.axis)[:, None], (1, count + 1))
         e = body.whole(q, np.vstack([u[:2], slope])).T
         e_t = body.whole(v, np.vstack([u[3:5], np.zeros_like(slope)])).T
-        own = replace(self.balance, fourier=fourier(self.harmonic_count, count))
-        motion, parameters = own.motion(self.coefficients, setting), own.parameters(setting)
+        balance = replace(self.balance, fourier=fourier(self.harmonic_count, count))
+        motion, parameters = balance.motion(self.coefficients, setting), balance.parameters(setting)
         force = (
             base_force(body, law, self.excited.place).map(count)(*motion, np.tile(parameters[:, None], count)).full()
         )
-        lost, supplied = (_integral(power, instants) for power in own.sampled_powers(self.coefficients, setting))
-        nothing, by_base = np.zeros(count + 1), self.excited.drive.moves_base
-        work = np.column_stack([lost, supplied, nothing] if by_base else [lost, nothing, supplied])
+        dissipated, supplied = (
+            _integral(power, instants) for power in balance.sampled_powers(self.coefficients, setting)
+        )
+        zero, moves_base = np.zeros(count + 1), self.excited.drive.moves_base
+        work = np.column_stack([dissipated, supplied, zero] if moves_base else [dissipated, zero, supplied])
         forces, loads = np.hstack([force, force[:, :1]]).T, u[BASE_SIZE:].T
         return Trajectory(
             model=body,
@@ -224,10 +226,10 @@ class PeriodicMotion(Reported):
         InputError
             As in ``Trajectory.animate``; or if a motion is not that of a beam.
         """
-        every = (self, *instances(others, "others", PeriodicMotion, least=0))
-        runs = [one.trajectory(max(FINE, 4 * one.harmonic_count)) for one in every]
+        motions = (self, *instances(others, "others", PeriodicMotion, minimum=0))
+        runs = [motion.trajectory(max(PERIOD_SAMPLES, 4 * motion.harmonic_count)) for motion in motions]
         options = {"slower": slower, "frame_rate": frame_rate, "beside": beside, "points": points}
-        content = runs[0]._made(MOVING, runs[1:], labels, path=check_file(path), periodic=True, **options)
+        content = runs[0]._make_drawing(MOVING, runs[1:], labels, path=check_file(path), periodic=True, **options)
         write_file(Path(path), content)
 
     def table(self) -> Table:
@@ -272,6 +274,8 @@ class PeriodicMotion(Reported):
 def _integral(power: Array, instants: Array) -> Array:
     """Return the integral, from the first instant, of a power at equally spaced samples of a period."""
     spectrum = np.fft.fft(power)
-    rates = 2j * np.pi * np.fft.fftfreq(len(power), instants[1])
-    swinging = np.fft.ifft(np.divide(spectrum, rates, out=np.zeros_like(spectrum), where=rates != 0.0)).real
-    return np.asarray(power.mean() * instants + np.append(swinging, swinging[0]) - swinging[0])
+    angular_rates = 2j * np.pi * np.fft.fftfreq(len(power), instants[1])
+    oscillating = np.fft.ifft(
+        np.divide(spectrum, angular_rates, out=np.zeros_like(spectrum), where=angular_rates != 0.0)
+    ).real
+    return np.asarray(power.mean() * instants + np.append(oscillating, oscillating[0]) - oscillating[0])

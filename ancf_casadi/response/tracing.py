@@ -1,9 +1,8 @@
 """Curves of periodic motions: frequency response, amplitude response, and response to a parameter.
 
 A curve begins with the motion that a slowly growing excitation reaches (``onset``) at the first value of the
-frequency, the amplitude or the parameter.  It is followed (``harmonic_balance.continuation``) until it leaves the
-range, or closes.
-Between neighbouring points, a fold is where the curve turns; the Floquet multipliers show other bifurcations
+frequency, the amplitude or the parameter, and is followed (``harmonic_balance.continuation``) until it leaves the range
+or closes.  The curve turns at folds; the Floquet multipliers of neighbouring points show the other bifurcations
 (``floquet``).  Each is located as the zero of a test function along the curve:
 
     fold                component of the tangent along the frequency, amplitude or parameter
@@ -26,19 +25,25 @@ from ancf_casadi.dynamics.base_motion import BaseMotion
 from ancf_casadi.dynamics.tip_load import TipLoad
 from ancf_casadi.exceptions import ContinuationError, InputError, NumericsError
 from ancf_casadi.response.curve import BifurcationPoint, ResponseCurve
-from ancf_casadi.response.excited import Body, Excited, excited
+from ancf_casadi.response.excited import Body, Excited, excite
 from ancf_casadi.response.floquet import Bifurcation, bifurcations
 from ancf_casadi.response.harmonic_balance.balance import HarmonicBalance
 from ancf_casadi.response.harmonic_balance.continuation import (
     ContinuationStep,
-    carried,
     follow,
-    located,
+    locate_zero,
     point_at,
+    transfer_vector,
 )
 from ancf_casadi.response.harmonic_balance.family import Family, NotFound, Point
 from ancf_casadi.response.harmonic_balance.system import HarmonicForce
-from ancf_casadi.response.onset import RESPONSE_ERROR, grown, motion_of, reached, set_to
+from ancf_casadi.response.onset import (
+    RESPONSE_ERROR,
+    as_periodic_motion,
+    continue_to_amplitude,
+    follow_onset,
+    point_at_value,
+)
 from ancf_casadi.response.periodic import PeriodicMotion
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.inputs import LARGEST_TIME, check_instance, choice, physical, positive, vector, whole
@@ -75,9 +80,9 @@ def frequency_response(
     damping, base, load, force
         As in ``periodic_motion``; the frequency of the excitation is not used.
     start : PeriodicMotion, optional
-        A motion from which the curve begins, such as one of a closed curve (isola), instead of the one that a slowly
-        growing excitation reaches.  If its system or amplitude of excitation differs, the nearest motion of this one is
-        taken.  The curve then goes towards the last frequency.
+        First motion of the curve, such as one on a closed curve (isola), in place of the one that a slowly growing
+        excitation reaches.  If its system or amplitude of excitation differs, the curve begins at the nearest motion of
+        this system.  It then proceeds towards the last frequency.
     points : int
         Smallest number of points over the range; folds and resonances get more.
     tolerance : float
@@ -107,15 +112,15 @@ def frequency_response(
     45 mm
     """
     first, last = (physical(value, "frequencies") for value in vector(frequencies, "frequencies"))
-    subject, tolerance = excited(model, damping, base, load, force), positive(tolerance, "tolerance")
+    subject, tolerance = excite(model, damping, base, load, force), positive(tolerance, "tolerance")
     omega, end = 2 * math.pi * first, 2 * math.pi * last
     if start is None:
-        point = grown(subject, omega, subject.drive.amplitude, tolerance)
+        point = follow_onset(subject, omega, subject.drive.amplitude, tolerance)
     else:
-        point = _near(subject, start, tolerance)
+        point = _continue_start(subject, start, tolerance)
         if not min(omega, end) <= point.setting.omega <= max(omega, end):
             raise InputError(f"vibrates at {start.frequency:.6g} Hz, outside the range of frequencies", "start")
-    return _traced(subject, point, "omega", (omega, end), points)
+    return _trace_curve(subject, point, "omega", (omega, end), points)
 
 
 @lasting_interrupts()
@@ -159,9 +164,9 @@ def amplitude_response(
     (1, 1)
     """
     first, last = (physical(value, "amplitudes") for value in vector(amplitudes, "amplitudes"))
-    subject, tolerance = excited(model, damping, base, load, force), positive(tolerance, "tolerance")
-    point = grown(subject, subject.drive.omega, first, tolerance)
-    return _traced(subject, point, "amplitude", (first, last), points)
+    subject, tolerance = excite(model, damping, base, load, force), positive(tolerance, "tolerance")
+    point = follow_onset(subject, subject.drive.omega, first, tolerance)
+    return _trace_curve(subject, point, "amplitude", (first, last), points)
 
 
 @lasting_interrupts()
@@ -184,8 +189,8 @@ def parameter_response(
     model, damping, base, load, force
         As in ``periodic_motion``.
     parameter : str
-        Name of a parameter: of the damping law, ``gravity_x`` or ``gravity_y``, with the full beam a property of an
-        element such as ``elastic_modulus_1``; for another system one of its own.
+        Name of a parameter: one of the damping law, ``gravity_x`` or ``gravity_y``, for the full beam also a property
+        of an element such as ``elastic_modulus_1``; for another system one of its parameters.
     values : (float, float)
         First and last value.
     points, tolerance
@@ -208,51 +213,51 @@ def parameter_response(
     >>> curve.amplitude()[[0, -1]].round(3)
     array([0.094, 0.129])
     """
-    subject, tolerance = excited(model, damping, base, load, force), positive(tolerance, "tolerance")
-    names = [own.name for own in subject.system.parameters]
+    subject, tolerance = excite(model, damping, base, load, force), positive(tolerance, "tolerance")
+    names = [p.name for p in subject.system.parameters]
     index = names.index(choice(parameter, names, "parameter"))
     first, last = vector(values, "values")
     if max(abs(first), abs(last)) > LARGEST_TIME:
         raise InputError(f"must be within {LARGEST_TIME:g}, got {max(abs(first), abs(last)):g}", "values")
-    given = subject.system.values
-    given[index] = first
-    subject = replace(subject, system=subject.system.with_values(given))
-    point = grown(subject, subject.drive.omega, subject.drive.amplitude, tolerance)
+    parameter_values = subject.system.values
+    parameter_values[index] = first
+    subject = replace(subject, system=subject.system.with_values(parameter_values))
+    point = follow_onset(subject, subject.drive.omega, subject.drive.amplitude, tolerance)
     balance, setting = replace(point.family.balance, varied=index), replace(point.setting, value=first)
     point = replace(point, family=replace(point.family, balance=balance, setting=setting))
-    return _traced(subject, point, "value", (first, last), points)
+    return _trace_curve(subject, point, "value", (first, last), points)
 
 
-def _near(subject: Excited, start: PeriodicMotion, tolerance: float) -> Point:
-    """Return the motion of a system near a given one, continued to the amplitude of its excitation."""
+def _continue_start(subject: Excited, start: PeriodicMotion, tolerance: float) -> Point:
+    """Return the motion of a system near a start, continued to the amplitude of the excitation."""
     check_instance(start, "start", PeriodicMotion)
     if start.balance.system.size != subject.system.size:
         raise InputError("belongs to a system with another number of coordinates", "start")
     balance = HarmonicBalance(subject.system, subject.drive, start.balance.fourier)
     family = Family(balance, start.setting, ("amplitude",), (start.setting.amplitude,), 1.0, tolerance)
     try:
-        point = point_at(family, family.joined(start.coefficients, start.setting), family.unit("amplitude"))
+        point = point_at(family, family.join(start.coefficients, start.setting), family.unit("amplitude"))
     except NotFound:
         raise NumericsError("the system has no steady state near the given start; give another one") from None
     amplitude = subject.drive.amplitude
-    return point if start.drive_amplitude == amplitude else reached(point, amplitude)
+    return point if start.drive_amplitude == amplitude else continue_to_amplitude(point, amplitude)
 
 
-def _traced(subject: Excited, start: Point, name: Free, ends: tuple[float, float], points: int) -> ResponseCurve:
-    """Return the curve from a motion, in one free entry of the setting, until it leaves the range or closes."""
+def _trace_curve(subject: Excited, start: Point, name: Free, ends: tuple[float, float], points: int) -> ResponseCurve:
+    """Follow a curve in one free entry of the setting until it leaves the range or closes."""
     points = whole(points, "points", 2)
     if ends[0] == ends[1]:
         raise InputError("the first and the last value are equal", RANGES[name])
     family = replace(start.family, setting=start.setting, free=(name,), scales=(abs(ends[1] - ends[0]),))
-    point = family.at(family.joined(start.coefficients, start.setting), family.unit(name))
-    motions, found, closed = [motion_of(subject, point)], list[BifurcationPoint](), False
+    point = family.at(family.join(start.coefficients, start.setting), family.unit(name))
+    motions, bifurcation_points, closed = [as_periodic_motion(subject, point)], list[BifurcationPoint](), False
     try:
         for step in _steps(point, name, ends, points):
-            for kind, motion in _bifurcations(subject, step, name):
-                found.append(BifurcationPoint(kind, len(motions), motion))
+            for kind, motion in _locate_bifurcations(subject, step, name):
+                bifurcation_points.append(BifurcationPoint(kind, len(motions), motion))
                 motions.append(motion)
-            motions.append(motion_of(subject, step.end))
-            closed = len(motions) > 5 and _passes(step, point)  # points of a closed curve
+            motions.append(as_periodic_motion(subject, step.end))
+            closed = len(motions) > 5 and _passes_point(step, point)  # points of a closed curve
             if closed:
                 break
             if len(motions) >= MOST_CURVE_POINTS:
@@ -260,48 +265,51 @@ def _traced(subject: Excited, start: Point, name: Free, ends: tuple[float, float
                     f"the curve does not leave the range within {MOST_CURVE_POINTS} points; narrow the range"
                 )
     except NumericsError as error:
-        partial = ResponseCurve(name, tuple(motions), tuple(found), closed)
+        partial = ResponseCurve(name, tuple(motions), tuple(bifurcation_points), closed)
         raise ContinuationError(str(error), error.stats, partial) from None
-    return ResponseCurve(name, tuple(motions), tuple(found), closed)
+    return ResponseCurve(name, tuple(motions), tuple(bifurcation_points), closed)
 
 
 def _steps(point: Point, name: Free, ends: tuple[float, float], points: int) -> Iterator[ContinuationStep]:
     """Yield the steps along a curve from its first point; the last ends at a limit of the range."""
     lowest, highest = min(ends), max(ends)
     direction = np.sign(ends[1] - ends[0]) * point.family.unit(name)
-    place, most = point.family.place(name) - len(point.z), (highest - lowest) / points
+    index, longest_change = point.family.place(name) - len(point.z), (highest - lowest) / points
 
-    def longest(at: Point, tangent: Array) -> float:
-        rate = abs(tangent[place]) * at.family.scale[place]
-        return float(most / rate) if rate else math.inf
+    def longest(from_point: Point, tangent: Array) -> float:
+        rate = abs(tangent[index]) * from_point.family.scale[index]
+        return float(longest_change / rate) if rate else math.inf
 
     for step in follow(point, direction, 0.1, longest):
         value = getattr(step.end.setting, name)
         if lowest < value < highest:
             yield step
             continue
-        last = set_to(step, name, highest if value >= highest else lowest)
-        yield replace(step, end=last, end_tangent=last.tangent(carried(step.tangent, step.start, last)))
+        last = point_at_value(step, name, highest if value >= highest else lowest)
+        yield replace(step, end=last, end_tangent=last.tangent(transfer_vector(step.tangent, step.start, last)))
         return
 
 
-def _bifurcations(subject: Excited, step: ContinuationStep, name: Free) -> Iterator[tuple[Bifurcation, PeriodicMotion]]:
+def _locate_bifurcations(
+    subject: Excited, step: ContinuationStep, name: Free
+) -> Iterator[tuple[Bifurcation, PeriodicMotion]]:
     """Yield the bifurcations in a step."""
-    along = [tangent[point.family.place(name)] for point, tangent in
-             ((step.start, step.tangent), (step.end, step.end_tangent))]  # fmt: skip
-    turned = along[0] * along[1] < 0.0
+
+    def changes_sign(test: Callable[[Point, Array], float]) -> bool:
+        return test(step.start, step.tangent) * test(step.end, step.end_tangent) < 0.0
+
+    turned = changes_sign(_test_function("fold", name))
     for kind in bifurcations(step.start.multipliers, step.end.multipliers, turned=turned):
-        test = _test(kind, name)
-        at_start, at_end = test(step.start, step.tangent), test(step.end, step.end_tangent)
+        test = _test_function(kind, name)
         try:
-            point = located(step, test) if at_start * at_end < 0.0 else step.end
+            point = locate_zero(step, test) if changes_sign(test) else step.end
         except NotFound:
             point = step.end
-        yield kind, motion_of(subject, point)
+        yield kind, as_periodic_motion(subject, point)
 
 
-def _test(kind: Bifurcation, name: Free) -> Callable[[Point, Array], float]:
-    """Return the function of point and tangent that changes its sign at a bifurcation."""
+def _test_function(kind: Bifurcation, name: Free) -> Callable[[Point, Array], float]:
+    """Return the function of point and tangent with a change of sign at a bifurcation."""
     if kind == "fold":
         return lambda point, tangent: float(tangent[point.family.place(name)])
     if kind == "branch point":
@@ -311,11 +319,11 @@ def _test(kind: Bifurcation, name: Free) -> Callable[[Point, Array], float]:
     return lambda point, _: float(np.abs(point.multipliers[point.multipliers.imag != 0.0]).max(initial=0.0)) - 1.0
 
 
-def _passes(step: ContinuationStep, first: Point) -> bool:
+def _passes_point(step: ContinuationStep, first: Point) -> bool:
     """Return whether a step passes the first point of the curve."""
     family, harmonics = step.start.family, step.start.family.balance.fourier.harmonics
-    begin, end, point = (own.family.resized(own.z, harmonics) / family.scale for own in (step.start, step.end, first))
-    along, towards = end - begin, point - begin
-    share = along @ towards / (along @ along)
-    # distance of the first point from a step, relative to its length, at which a curve has closed
-    return bool(0.0 < share <= 1.0 and np.linalg.norm(towards - share * along) <= 0.1 * np.linalg.norm(along))
+    begin, end, point = (p.family.resize(p.z, harmonics) / family.scale for p in (step.start, step.end, first))
+    step_vector, offset = end - begin, point - begin
+    fraction = step_vector @ offset / (step_vector @ step_vector)
+    distance = np.linalg.norm(offset - fraction * step_vector) / np.linalg.norm(step_vector)
+    return bool(0.0 < fraction <= 1.0 and distance <= 0.1)  # step lengths

@@ -1,4 +1,4 @@
-"""Array types for annotations, the root mean square, and named parts of a vector, which replace index arithmetic."""
+"""Array types for annotations, the root mean square, and named blocks of a vector, which replace index arithmetic."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ Mask = NDArray[np.bool_]
 
 
 def root_mean_square(values: Array) -> float:
-    """Return the root mean square of values; those that are not finite do not count."""
-    kept = values[np.isfinite(values)]
-    return math.sqrt(float(np.mean(kept**2))) if kept.size else math.nan
+    """Return the root mean square of the finite values; nan if there are none."""
+    finite_values = values[np.isfinite(values)]
+    return math.sqrt(float(np.mean(finite_values**2))) if finite_values.size else math.nan
 
 
 def maxima(values: Array) -> Index:
@@ -30,18 +30,18 @@ def maxima(values: Array) -> Index:
 
 @dataclass(frozen=True)
 class Layout:
-    """The parts of a vector, one after the other."""
+    """The consecutive blocks of a vector."""
 
-    sizes: tuple[tuple[str, int], ...]  # name and size of each part
+    sizes: tuple[tuple[str, int], ...]  # name and size of each block
 
     @staticmethod
     def of(**sizes: int) -> Layout:
-        """Return the layout of parts given in order: ``Layout.of(q=8, v=8)``."""
+        """Return the layout of blocks in order: ``Layout.of(q=8, v=8)``."""
         return Layout(tuple(sizes.items()))
 
     @cached_property
     def offsets(self) -> list[int]:
-        """The first index of each part, and the size of the vector."""
+        """The first index of each block, and the size of the vector."""
         return [0, *accumulate(size for _, size in self.sizes)]
 
     @property
@@ -50,7 +50,7 @@ class Layout:
         return self.offsets[-1]
 
     def __getitem__(self, name: str) -> slice:
-        """Return the indices of a part."""
+        """Return the indices of a block."""
         return self._slices[name]
 
     @cached_property
@@ -58,12 +58,12 @@ class Layout:
         return {name: slice(*ends) for (name, _), ends in zip(self.sizes, pairwise(self.offsets), strict=True)}
 
     def split(self, vector: Array) -> list[Array]:
-        """Return the parts of a vector, or the blocks of rows of an array, as views."""
+        """Return the blocks of a vector, or of the rows of an array, as views."""
         return np.split(vector, self.offsets[1:-1])
 
-    def join(self, columns: int, **parts: Array) -> Array:
-        """Return an array (size, columns) of parts (size of the part, columns); zeros where none is given."""
+    def join(self, columns: int, **blocks: Array) -> Array:
+        """Return an array (size, columns) of blocks (size of the block, columns), zero for missing blocks."""
         result = np.zeros((self.size, columns))
-        for name, part in parts.items():
-            result[self[name]] = part
+        for name, block in blocks.items():
+            result[self[name]] = block
         return result

@@ -1,4 +1,4 @@
-"""Banded matrices: storage, LU factors, and an added matrix of low rank.
+"""Banded matrices: storage, LU factors, and low-rank updates.
 
 A matrix A with w diagonals on either side of the main one is stored by diagonals: entry (i, j) is in row w + i - j and
 column j of an array (2 w + 1, N).  LAPACK's LU factors need w more rows on top for pivoting: entry (i, j) is in row
@@ -40,7 +40,7 @@ def lapack_storage(values: NDArray[Any], width: int) -> NDArray[Any]:
     return values.reshape(-1, 3 * width + 1).T
 
 
-def factorised(banded: Array) -> BandedFactors:
+def factorise(banded: Array) -> BandedFactors:
     """Return the factors of a matrix stored by diagonals, (2 w + 1, N); a singular one raises ``LinAlgError``."""
     width, size = len(banded) // 2, banded.shape[1]
     storage = np.zeros((3 * width + 1, size), order="F")
@@ -56,22 +56,22 @@ class BandedFactors:
     """The factors of a matrix A + U V^T with banded A; they contain infinite values or NaN if A is singular."""
 
     band: NDArray[Any]  # triangular factors of A in LAPACK's storage
-    pivots: NDArray[Any]  # theirs
+    pivots: NDArray[Any]  # row interchanges of these factors
     width: int  # number w of diagonals of A on either side of the main one
     rows: NDArray[Any]  # V^T, (m, N)
     correction: NDArray[Any]  # X (1 + V^T X)^-1, (N, m)
 
     @staticmethod
     def of(
-        band: NDArray[Any], width: int, left: NDArray[Any] | None = None, right: NDArray[Any] | None = None
+        band: NDArray[Any], width: int, u: NDArray[Any] | None = None, v: NDArray[Any] | None = None
     ) -> BandedFactors:
-        """Factorise A, given in LAPACK's storage (3 w + 1, N) and overwritten; ``left`` is U, ``right`` is V."""
+        """Factorise A + U V^T; the storage of A, LAPACK's (3 w + 1, N), is overwritten."""
         factorise, substitute = ROUTINES[band.dtype.char]
         factors, pivots, _ = factorise(band, width, width, overwrite_ab=1)
-        if left is None or right is None or not right.size:
-            none = np.empty((0, band.shape[1]))
-            return BandedFactors(factors, pivots, width, none, none.T)
-        x, rows = substitute(factors, width, width, left, pivots)[0], right.T.astype(band.dtype)
+        if u is None or v is None or not v.size:
+            no_rows = np.empty((0, band.shape[1]))
+            return BandedFactors(factors, pivots, width, no_rows, no_rows.T)
+        x, rows = substitute(factors, width, width, u, pivots)[0], v.T.astype(band.dtype)
         correction = x @ np.linalg.inv(np.eye(len(rows)) + rows @ x)
         return BandedFactors(factors, pivots, width, rows, correction)
 
@@ -84,18 +84,18 @@ class BandedFactors:
 
     def solve(self, right: NDArray[Any], *, overwrite: bool = False) -> NDArray[Any]:
         """Return the solutions for right-hand sides, a vector or columns."""
-        solution = self._substituted(right, overwrite_b=overwrite)
+        solution = self._substitute(right, overwrite_b=overwrite)
         if self.rows.size:
             solution -= self.correction.dot(self.rows.dot(solution))
         return solution
 
-    def solve_transposed(self, right: NDArray[Any]) -> NDArray[Any]:
+    def solve_transpose(self, right: NDArray[Any]) -> NDArray[Any]:
         """Return the solutions with the transposed matrix."""
         if self.rows.size:
             right = right - self.rows.T @ (self.correction.T @ right)
-        return self._substituted(right, trans=1)
+        return self._substitute(right, trans=1)
 
-    def _substituted(self, right: NDArray[Any], **options: int) -> NDArray[Any]:
+    def _substitute(self, right: NDArray[Any], **options: int) -> NDArray[Any]:
         """Return the solutions with the factors of A alone."""
         routine = ROUTINES[self.band.dtype.char][1]
         return np.asarray(routine(self.band, self.width, self.width, right, self.pivots, **options)[0])

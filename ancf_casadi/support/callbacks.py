@@ -20,8 +20,8 @@ from ancf_casadi.support.arrays import Array
 _ALIVE: list[tuple[cs.WeakRef, cs.Callback]] = []  # Functions that call a callback, and the callbacks
 
 
-def kept(callback: cs.Callback, name: str) -> cs.Function:
-    """Return a Function that calls a callback, and keep the callback as long as the Function lives."""
+def callback_function(callback: cs.Callback, name: str) -> cs.Function:
+    """Return a Function that calls a callback, and keep the callback alive as long as the Function."""
     inputs = callback.mx_in()
     names = callback.name_in(), callback.name_out()
     function: cs.Function = cs.Function(name, inputs, callback.call(inputs), *names, {"never_inline": True})
@@ -48,14 +48,14 @@ class Differentiable(cs.Callback):
         self.construct("response", {})
 
     def at(self, inputs: Array) -> tuple[Array, Array]:
-        """Return values and Jacobian; those of the last inputs are kept."""
+        """Return values and Jacobian; those for the last inputs are cached."""
         if self._last is None or not np.array_equal(self._last[0], inputs):
             try:
-                found = self._respond(inputs)
+                response = self._respond(inputs)
             except (AncfError, np.linalg.LinAlgError) as error:
                 self.failure = self.failure or str(error)
-                found = np.full(self._size, math.nan), np.full((self._size, self._inputs), math.nan)
-            self._last = inputs, found
+                response = np.full(self._size, math.nan), np.full((self._size, self._inputs), math.nan)
+            self._last = inputs, response
         return self._last[1]
 
     def get_sparsity_in(self, i: int) -> cs.Sparsity:
@@ -67,13 +67,13 @@ class Differentiable(cs.Callback):
         return cs.Sparsity.dense(self._size, self._inputs if self._part else 1)
 
     def has_eval_buffer(self) -> bool:
-        """Return True: inputs and outputs are buffers, because a large DM is slow to make from an array."""
+        """Return True: inputs and outputs are buffers, because the conversion of a large array to DM is slow."""
         return True
 
     def eval_buffer(self, arg: Sequence[memoryview], res: Sequence[memoryview]) -> int:
         """Write the values, or the Jacobian, column after column."""
-        found = self.at(np.frombuffer(arg[0]).copy())[self._part]
-        np.frombuffer(res[0])[:] = np.ravel(found, order="F")
+        output = self.at(np.frombuffer(arg[0]).copy())[self._part]
+        np.frombuffer(res[0])[:] = np.ravel(output, order="F")
         return 0
 
     def has_jacobian(self) -> bool:

@@ -1,11 +1,11 @@
 """Colours, dashes and texts of figures.
 
-Records are black, what is computed from them is green; both keep their contrast in grey.  The colours of ``SERIES`` can
-be told apart by the colour-blind (M. Okabe, K. Ito, 2008), on light and on dark pages; in grey, the dashes and markers
-tell them apart.  ``prefixed`` chooses the unit of an axis.
+Records are black, results computed from them green; both keep their contrast in grey.  The colours of ``SERIES`` are
+distinct for the colour-blind (M. Okabe, K. Ito, 2008), on light and on dark pages; in grey, dashes and markers
+distinguish them.  ``si_prefix`` chooses the unit of an axis.
 
-Matplotlib reads what stands between two $ as a formula, and fails on one that it does not know.  Names of columns and
-files, and titles, are no formulas.  ``literal_text`` shows them as they were written.
+Matplotlib reads text between two $ as a formula, and fails if the formula is invalid.  Names of columns and files, and
+titles, are no formulas; ``literal_text`` shows them literally.
 """
 
 from __future__ import annotations
@@ -41,8 +41,8 @@ P = ParamSpec("P")
 Drawn = TypeVar("Drawn", bound="Figure | SubFigure")
 
 
-def prefixed(largest: float, unit: str) -> tuple[float, str]:
-    """Return the size and the name of the unit with an SI prefix in which a value is between 1 and 1000."""
+def si_prefix(largest: float, unit: str) -> tuple[float, str]:
+    """Return size and name of a unit with the SI prefix for which the largest value is between 1 and 1000."""
     if not (math.isfinite(largest) and largest > 0.0):
         return 1.0, unit
     power = 3 * math.floor(math.log10(largest) / 3)
@@ -55,23 +55,23 @@ def prefixed(largest: float, unit: str) -> tuple[float, str]:
 def plain_log_ticks(axes: Axes, axis: str) -> None:
     """Label a logarithmic axis with plain numbers: at 1, 2 and 5 times the powers of ten, closer on a short axis.
 
-    Beyond three powers of ten, where they would touch, only these have labels.
+    Beyond three powers of ten, only the powers of ten have labels, because others would touch.
     """
     from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter, NullLocator
 
-    part = axes.xaxis if axis == "x" else axes.yaxis
+    ticks = axes.xaxis if axis == "x" else axes.yaxis
     low, high = axes.get_xlim() if axis == "x" else axes.get_ylim()
-    short = high < 8.0 * low  # ratio of the ends of a logarithmic axis below which its labels are closer
-    subs = (1.0, 2.0, 5.0) if high < 1e3 * low else (1.0,)
-    part.set_major_locator(MaxNLocator(5, steps=[1, 2, 5, 10]) if short else LogLocator(subs=subs))
-    part.set_minor_locator(NullLocator())
-    part.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
-    part.set_minor_formatter(NullFormatter())
+    is_short = high < 8.0 * low  # ratio of the ends of a logarithmic axis below which its labels are closer
+    multiples = (1.0, 2.0, 5.0) if high < 1e3 * low else (1.0,)
+    ticks.set_major_locator(MaxNLocator(5, steps=[1, 2, 5, 10]) if is_short else LogLocator(subs=multiples))
+    ticks.set_minor_locator(NullLocator())
+    ticks.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    ticks.set_minor_formatter(NullFormatter())
     axes.set(**{f"{axis}lim": (low, high)})
 
 
 def literal_text(draw: Callable[P, Drawn]) -> Callable[P, Drawn]:
-    """Return a function that draws the same figure, with its texts as they are: a $ starts no formula."""
+    """Return a function that draws the same figure with literal texts, in which a $ does not start a formula."""
 
     @functools.wraps(draw)
     def drawn(*args: P.args, **kwargs: P.kwargs) -> Drawn:
@@ -84,8 +84,8 @@ def literal_text(draw: Callable[P, Drawn]) -> Callable[P, Drawn]:
                 text.set_parse_math(False)
         for axis in (axis for axes in figure.axes for axis in (axes.xaxis, axes.yaxis)):
             names = axis.get_major_formatter()
-            done = isinstance(names, FuncFormatter) and getattr(names.func, "func", None) is _literal_name
-            if isinstance(names, FixedFormatter | FuncFormatter) and not done:
+            is_literal = isinstance(names, FuncFormatter) and getattr(names.func, "func", None) is _literal_name
+            if isinstance(names, FixedFormatter | FuncFormatter) and not is_literal:
                 axis.set_major_formatter(FuncFormatter(functools.partial(_literal_name, names)))
         return figure
 
@@ -93,7 +93,7 @@ def literal_text(draw: Callable[P, Drawn]) -> Callable[P, Drawn]:
 
 
 def _texts(artist: Artist) -> Iterator[Text]:
-    """Yield the texts in an artist, but no annotations, and no numbers beside axes, which a search would create."""
+    """Yield the texts in an artist without annotations and tick labels, which a search would create."""
     from matplotlib.axis import Axis
     from matplotlib.text import Annotation, Text
 
@@ -112,5 +112,5 @@ def _literal_name(names: Callable[[float, int | None], str], value: float, posit
 
 
 def _drawable(text: str) -> str:
-    """Return text without control characters and halves of characters, for which fonts have no glyph."""
+    """Return text without control characters and lone surrogates, for which fonts have no glyph."""
     return "".join(c if c.isprintable() or c == "\n" else " " if c.isspace() else "\ufffd" for c in text)

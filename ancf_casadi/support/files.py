@@ -1,9 +1,9 @@
 """Reading files up to a size limit, and writing them so that none is ever incomplete.
 
-A file that cannot be read or written, and a path that names none, raise an ``InputError`` that names it.  Longer texts
-that are written are templates: files of a package that jinja2 fills with values.
+An ``InputError`` names a file that cannot be read or written, and a path that cannot name a file.  Longer texts are
+written from templates: files of a package that jinja2 fills with values.
 
-JSON is read strictly.  Beyond its rules, a file has at most ``MOST_BYTES`` bytes and ``MOST_LEVELS`` levels, no key
+JSON is read strictly.  Beyond its rules, a file has at most ``MAX_BYTES`` bytes and ``MAX_LEVELS`` levels, no key
 twice in an object, only finite numbers, and no half characters (lone surrogates).  A place is written as
 ``$.damping.laws[1].alpha``; $ is the whole file.
 
@@ -31,19 +31,19 @@ from pathlib import Path
 from typing import Any, NoReturn
 
 from ancf_casadi.exceptions import InputError
-from ancf_casadi.support.inputs import check_instance, located, shown
+from ancf_casadi.support.inputs import check_instance, error_prefix, shown
 from ancf_casadi.support.interrupts import delayed_interrupts
 
-MOST_BYTES = 64 * 2**20  # of a file that is read as a whole
-MOST_PARTS = 50  # of a dotted key; tomllib takes a time that grows with their square
-DOTTED_KEY = re.compile(rb"""(?:\.[ \t]*(?:[\w-]+|'[^'\n]*'|"(?:[^"\\\n]|\\.)*")[ \t]*){%d}""" % MOST_PARTS)
-MOST_LEVELS = 24
-LONGEST_KEY = 200
+MAX_BYTES = 64 * 2**20  # of a file that is read as a whole
+MAX_KEY_PARTS = 50  # of a dotted key; the time of tomllib grows with their square
+DOTTED_KEY = re.compile(rb"""(?:\.[ \t]*(?:[\w-]+|'[^'\n]*'|"(?:[^"\\\n]|\\.)*")[ \t]*){%d}""" % MAX_KEY_PARTS)
+MAX_LEVELS = 24
+MAX_KEY_LENGTH = 200
 REPEATED = object()  # placeholder for the values of a key that appears twice in an object
 
 
 def check_folder(path: str | Path) -> Path:
-    """Check, without touching it, that a folder can be written or created."""
+    """Check that a folder can be written or created, without creating it."""
     check_path(path, "folder")
     folder = Path(path)
     existing = folder.absolute()
@@ -57,7 +57,7 @@ def check_folder(path: str | Path) -> Path:
 
 
 def check_file(path: str | Path) -> Path:
-    """Check, without touching it, that a path can be written, and names no folder, device or pipe."""
+    """Check that a path can be written, without creating the file; it must not be a folder, device or pipe."""
     check_path(path, "path")
     target = Path(path)
     check_folder(Path(os.path.realpath(target)).parent)
@@ -68,29 +68,29 @@ def check_file(path: str | Path) -> Path:
     return target
 
 
-def check_ours(path: Path, beginning: str) -> None:
-    """Check that a file is new, or begins like the files that this package writes."""
+def check_ours(path: Path, start: str) -> None:
+    """Check that a file does not exist, or has the start of the files that this package writes."""
     if not path.exists():
         return
     try:
-        with opened(path) as file:
-            ours = file.read(len(beginning)) == beginning.encode()
+        with open_file(path) as file:
+            is_ours = file.read(len(start)) == start.encode()
     except InputError:
-        ours = False
-    if not ours:
+        is_ours = False
+    if not is_ours:
         raise InputError("already exists, and was not written by this export; choose another path", str(path))
 
 
 def write_file(path: Path, content: str | bytes) -> None:
-    """Write a complete file or none; missing folders are created, and the target of a symbolic link is written."""
+    """Write a complete file or none; missing folders are created, and symbolic links are followed."""
     write_files({path: content})
 
 
 def write_files(contents: Mapping[Path, str | bytes]) -> None:
     """Write several files, all or none; missing folders are created.
 
-    All contents are written beside their files first, and then take their names, which a signal does not interrupt.  A
-    process that is killed leaves every file as it was, or complete and new.
+    All contents are first written to drafts beside their files, which are then renamed without interruption by signals.
+    If the process is killed, each file is unchanged or complete.
     """
     for path in contents:
         check_file(path)
@@ -111,7 +111,7 @@ def write_files(contents: Mapping[Path, str | bytes]) -> None:
 
 
 def _draft(path: Path, content: str | bytes) -> str:
-    """Write a content beside the file for which it is meant, and return its name."""
+    """Write the content of a file to a draft beside it, and return the path of the draft."""
     path.parent.mkdir(parents=True, exist_ok=True)
     descriptor, draft = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}-")
     try:
@@ -125,7 +125,7 @@ def _draft(path: Path, content: str | bytes) -> str:
 
 
 def check_path(path: Any, where: str) -> None:
-    """Check that a value is the name of a file; ``open`` would take a number as a file that is already open."""
+    """Check that a value can name a file; ``open`` would accept a number as the descriptor of an open file."""
     check_instance(path, where, str, os.PathLike)
     name = os.fspath(path)
     if not isinstance(name, str) or "\0" in name or len(name) > 4096:  # characters of a path; systems allow no more
@@ -136,7 +136,7 @@ def read_toml(path: str | Path) -> dict[str, Any]:
     """Read a TOML file of at most 64 MiB."""
     content = read_bytes(path)
     if DOTTED_KEY.search(content):
-        raise InputError(f"has a key of more than {MOST_PARTS} parts", str(path))
+        raise InputError(f"has a key of more than {MAX_KEY_PARTS} parts", str(path))
     try:
         return tomllib.loads(content.decode())
     except RecursionError:
@@ -147,13 +147,13 @@ def read_toml(path: str | Path) -> dict[str, Any]:
 
 def read_bytes(path: str | Path) -> bytes:
     """Read a file of at most 64 MiB that is not empty."""
-    with opened(path, MOST_BYTES) as file:
-        return file.read(MOST_BYTES)
+    with open_file(path, MAX_BYTES) as file:
+        return file.read(MAX_BYTES)
 
 
 @contextlib.contextmanager
-def opened(path: str | Path, most: float = math.inf) -> Iterator[BufferedReader]:
-    """Open a regular file of 1 to ``most`` bytes; pipes and devices could keep their reader waiting for ever."""
+def open_file(path: str | Path, limit: float = math.inf) -> Iterator[BufferedReader]:
+    """Open a regular file of 1 to ``limit`` bytes; reading a pipe or device might never end."""
     check_path(path, "path")
     try:
         with open(path, "rb", opener=_open_without_waiting) as file:
@@ -162,8 +162,8 @@ def opened(path: str | Path, most: float = math.inf) -> Iterator[BufferedReader]
                 raise InputError("is a device or a pipe; name a file", str(path))
             if not state.st_size:  # also files of the system, such as /proc/kmsg, which may never end
                 raise InputError("is empty", str(path))
-            if state.st_size > most:
-                raise InputError(f"is larger than {int(most) >> 20} MiB", str(path))
+            if state.st_size > limit:
+                raise InputError(f"is larger than {int(limit) >> 20} MiB", str(path))
             yield file
     except (OSError, ValueError) as error:
         raise InputError(f"cannot be read ({getattr(error, 'strerror', None) or error})", str(path)) from None
@@ -174,28 +174,28 @@ def _open_without_waiting(path: str, flags: int) -> int:
 
 
 def read_json(path: str | Path) -> dict[str, Any]:
-    """Read a JSON file that holds an object; refuse anything else, and what exceeds the limits."""
+    """Read a JSON file that holds an object within the limits."""
     content = read_bytes(path)
     try:
         value = json.loads(content.decode(), object_pairs_hook=_object, parse_constant=_refuse_constant)
     except RecursionError:
-        raise InputError(f"has more than {MOST_LEVELS} levels", str(path)) from None
+        raise InputError(f"has more than {MAX_LEVELS} levels", str(path)) from None
     except ValueError as error:  # invalid JSON or UTF-8, or a number with thousands of digits
         raise InputError(f"is not JSON ({error})", str(path)) from None
     if not isinstance(value, dict):
         raise InputError("must hold a JSON object", str(path))
-    with located(str(path)):
+    with error_prefix(str(path)):
         check(value, "$")
     return value
 
 
 def template_text(package: str, name: str) -> str:
-    """Return a template that is a file of a package."""
+    """Return the text of a template in a package."""
     return files(package).joinpath(name).read_text(encoding="utf-8")
 
 
-def filled_template(package: str, name: str, values: Mapping[str, Any]) -> str:
-    """Return a template with values and functions by name; a value that is missing is an error."""
+def fill_template(package: str, name: str, values: Mapping[str, Any]) -> str:
+    """Fill a template with values and functions by name; a missing value is an error."""
     from jinja2 import Environment, StrictUndefined  # slow to import
 
     environment = Environment(undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
@@ -204,16 +204,16 @@ def filled_template(package: str, name: str, values: Mapping[str, Any]) -> str:
 
 
 def place(where: str, key: str | int) -> str:
-    """Return the place of a key or of a list entry within the value at another place."""
+    """Return the path of a key or list entry within the value at the path ``where``."""
     if isinstance(key, int):
         return f"{where}[{key}]"
     return f"{where}.{key}" if where else key
 
 
 def check(value: Any, where: str, level: int = 1) -> None:
-    """Check that plain data stay within the limits."""
-    if level > MOST_LEVELS:
-        raise InputError(f"has more than {MOST_LEVELS} levels", where)
+    """Check that plain data are within the limits."""
+    if level > MAX_LEVELS:
+        raise InputError(f"has more than {MAX_LEVELS} levels", where)
     if value is REPEATED:
         raise InputError("the key appears twice", where)
     if isinstance(value, int | float) and not abs(value) <= sys.float_info.max:  # whole numbers have any size
@@ -223,8 +223,8 @@ def check(value: Any, where: str, level: int = 1) -> None:
     if isinstance(value, dict):
         for key, item in value.items():
             _check_text(key, where)
-            if len(key) > LONGEST_KEY:
-                raise InputError(f"has a key of {len(key)} characters; at most {LONGEST_KEY} are allowed", where)
+            if len(key) > MAX_KEY_LENGTH:
+                raise InputError(f"has a key of {len(key)} characters; at most {MAX_KEY_LENGTH} are allowed", where)
             check(item, place(where, key), level + 1)
     if isinstance(value, list | tuple):
         for index, item in enumerate(value):
@@ -232,10 +232,10 @@ def check(value: Any, where: str, level: int = 1) -> None:
 
 
 def _object(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-    found = dict(pairs)
-    if len(found) < len(pairs):
-        found |= {name: REPEATED for name, times in Counter(name for name, _ in pairs).items() if times > 1}
-    return found
+    members = dict(pairs)
+    if len(members) < len(pairs):
+        members |= {name: REPEATED for name, count in Counter(name for name, _ in pairs).items() if count > 1}
+    return members
 
 
 def _refuse_constant(name: str) -> NoReturn:

@@ -21,9 +21,9 @@ from ancf_casadi.exceptions import InputError
 from ancf_casadi.support.arrays import Array, ComplexArray
 
 SMALLEST_TIME, LARGEST_TIME = 1e-30, 1e30  # s or Hz
-LARGEST_WHOLE = 2**31 - 1  # larger ones overflow in libraries
-REAL = "biufO"  # kinds of NumPy's types that may hold real numbers
-INSTEAD: Mapping[tuple[str, str], str] = {
+MAX_INTEGER = 2**31 - 1  # larger ones overflow in libraries
+REAL_KINDS = "biufO"  # kinds of NumPy's types that may hold real numbers
+REPLACEMENTS: Mapping[tuple[str, str], str] = {
     ("Beam", "Model"): "Model(beam)",
     ("Model", "Beam"): "model.beam",
     ("Equilibrium", "Model"): "equilibrium.model",
@@ -42,8 +42,8 @@ INSTEAD: Mapping[tuple[str, str], str] = {
     ("list", "DampingLaw"): "the sum of the laws",
     ("tuple", "DampingLaw"): "the sum of the laws",
     ("ndarray", "Measurement"): "Measurement(time, displacement)",
-}  # (class given, class needed) -> the expression to use instead
-IN_WORDS = {
+}  # expression that replaces an instance of the first class if the second is needed
+CLASS_NAMES = {
     "str": "a text",
     "PathLike": "a path",
     "Mapping": "a mapping",
@@ -53,29 +53,29 @@ IN_WORDS = {
 
 
 @contextlib.contextmanager
-def located(where: str) -> Iterator[None]:
-    """Put the place of a value, such as a file, a table or an option, in front of the message of an ``InputError``."""
+def error_prefix(where: str) -> Iterator[None]:
+    """Prefix the message of an ``InputError`` with a place, such as a file, a table or an option."""
     try:
         yield
     except InputError as error:
         raise InputError(str(error), where) from None
 
 
-def keep_checked(owner: Any, **checks: Callable[[Any, str], Any]) -> None:
-    """Check fields of a frozen dataclass, and keep what their checks return."""
+def check_fields(owner: Any, **checks: Callable[[Any, str], Any]) -> None:
+    """Check fields of a frozen dataclass, and replace them by the results of their checks."""
     for name, check in checks.items():
         object.__setattr__(owner, name, check(getattr(owner, name), name))
 
 
 def number(value: Any, where: str) -> float:
     """Return a finite number as a float."""
-    if type(value) is float and math.isfinite(value):  # most numbers, such as those of fine meshes, without delay
+    if type(value) is float and math.isfinite(value):  # the usual case is fast, for instance for fine meshes
         return value
-    other = isinstance(value, str | bytes | bool) or (
-        isinstance(value, np.ndarray | np.generic) and (value.ndim > 0 or value.dtype.kind not in REAL)
+    is_other = isinstance(value, str | bytes | bool) or (
+        isinstance(value, np.ndarray | np.generic) and (value.ndim > 0 or value.dtype.kind not in REAL_KINDS)
     )
     try:
-        result = math.nan if other else float(value)
+        result = math.nan if is_other else float(value)
     except (TypeError, ValueError, OverflowError):
         result = math.nan
     if not math.isfinite(result):
@@ -84,41 +84,41 @@ def number(value: Any, where: str) -> float:
 
 
 def check_instance(value: Any, where: str, *kinds: type) -> None:
-    """Check that a value is an instance of a class; the message proposes the right expression where it is known."""
+    """Check that a value is an instance of a class; the message proposes a replacement from ``REPLACEMENTS``."""
     if not isinstance(value, kinds):
-        raise InputError(_mistaken(value, kinds), where)
+        raise InputError(_class_message(value, kinds), where)
 
 
-def instances(values: Any, where: str, *kinds: type, least: int = 1) -> tuple[Any, ...]:
-    """Return a sequence of instances of one of some classes, by default of one or more, as a tuple."""
+def instances(values: Any, where: str, *kinds: type, minimum: int = 1) -> tuple[Any, ...]:
+    """Return a sequence of at least ``minimum`` instances of the classes as a tuple."""
     names = " or ".join(kind.__name__ for kind in kinds)
     if not is_sequence(values):
         advice = "; put it in a list" if isinstance(values, kinds) else ""
-        raise InputError(f"must be a sequence of {names}, got {_given(values)}{advice}", where)
-    if len(values) < least:
+        raise InputError(f"must be a sequence of {names}, got {_describe_class(values)}{advice}", where)
+    if len(values) < minimum:
         raise InputError(f"is empty; give at least one{'' if object in kinds else f' {names}'}", where)
     for value in values:
         check_instance(value, where, *kinds)
     return tuple(values)
 
 
-def choices(values: Any, known: Sequence[str], where: str) -> tuple[str, ...]:
-    """Return a sequence of names, each of them a known one."""
+def choices(values: Any, options: Sequence[str], where: str) -> tuple[str, ...]:
+    """Return a sequence of names, each of which must be one of the options."""
     if not is_sequence(values):
         raise InputError(f"must be a sequence of names, got {shown(values)}", where)
-    return tuple(choice(value, known, where) for value in values)
+    return tuple(choice(value, options, where) for value in values)
 
 
-def choice(value: Any, known: Sequence[str], where: str) -> str:
-    """Return a known name."""
-    if not is_one_of(value, known):
-        raise InputError(f"must be one of {', '.join(known)}, got {shown(value)}", where)
+def choice(value: Any, options: Sequence[str], where: str) -> str:
+    """Return a name, which must be one of the options."""
+    if not is_choice(value, options):
+        raise InputError(f"must be one of {', '.join(options)}, got {shown(value)}", where)
     return str(value)
 
 
-def is_one_of(value: Any, known: Sequence[str]) -> bool:
-    """Return whether a value is one of some names."""
-    return isinstance(value, str) and value in known
+def is_choice(value: Any, options: Sequence[str]) -> bool:
+    """Return whether a value is one of the options."""
+    return isinstance(value, str) and value in options
 
 
 def matches(value: Any, pattern: str) -> bool:
@@ -126,17 +126,17 @@ def matches(value: Any, pattern: str) -> bool:
     return isinstance(value, str) and re.fullmatch(pattern, value) is not None
 
 
-def _mistaken(value: Any, kinds: tuple[type, ...]) -> str:
-    """Return a message with the expected class, the given one, and the expression to use instead."""
-    *most, last = [_with_article(kind) for kind in kinds if kind is not NoneType]
-    expected = f"{', '.join(most)} or {last}" if most else last
+def _class_message(value: Any, kinds: tuple[type, ...]) -> str:
+    """Return a message with the expected class, the actual one, and its replacement."""
+    *names, last_name = [_with_article(kind) for kind in kinds if kind is not NoneType]
+    expected = f"{', '.join(names)} or {last_name}" if names else last_name
     pairs = [(type(value).__name__, kind.__name__) for kind in kinds]
-    instead = [f"; use {INSTEAD[pair]}" for pair in pairs if pair in INSTEAD]
-    return f"must be {expected}, got {_given(value)}{''.join(instead[:1])}"
+    advice = [f"; use {REPLACEMENTS[pair]}" for pair in pairs if pair in REPLACEMENTS]
+    return f"must be {expected}, got {_describe_class(value)}{''.join(advice[:1])}"
 
 
-def _given(value: Any) -> str:
-    """Return a value as a message about its class shows it."""
+def _describe_class(value: Any) -> str:
+    """Describe a value for a message about its class."""
     if isinstance(value, type):
         return f"the class {value.__name__}"
     if value is None or isinstance(value, str | bytes | int | float | complex):
@@ -146,11 +146,11 @@ def _given(value: Any) -> str:
 
 def _with_article(kind: type) -> str:
     name = kind.__name__
-    return IN_WORDS.get(name) or f"{'an' if name[0] in 'AEIOaeio' else 'a'} {name}"
+    return CLASS_NAMES.get(name) or f"{'an' if name[0] in 'AEIOaeio' else 'a'} {name}"
 
 
 def shown(value: Any) -> str:
-    """Return a value as messages show it: on one line, and shortened if it is long."""
+    """Return the representation of a value for messages, on one line and shortened."""
     return " ".join(reprlib.repr(value).split())
 
 
@@ -171,7 +171,7 @@ def not_negative(value: Any, where: str) -> float:
 
 
 def physical(value: Any, where: str) -> float:
-    """Return a time, frequency, amplitude or tolerance: a number from 1e-30 to 1e30, so that its powers are finite."""
+    """Return a time, frequency, amplitude or tolerance: a number from 1e-30 to 1e30, whose powers are finite."""
     result = positive(value, where)
     if not SMALLEST_TIME <= result <= LARGEST_TIME:
         raise InputError(f"{result:g} is not within {SMALLEST_TIME:g} to {LARGEST_TIME:g}; check the unit", where)
@@ -179,20 +179,20 @@ def physical(value: Any, where: str) -> float:
 
 
 def check_size(values: ArrayLike, where: str) -> None:
-    """Refuse numbers that are not all zero, but so large or small that their powers are not finite."""
+    """Check that the largest of some numbers is zero or has finite powers."""
     largest = float(np.abs(values).max())
     if largest:
         physical(largest, where)
 
 
-def sized(value: Any, where: str) -> float:
+def limited_number(value: Any, where: str) -> float:
     """Return a finite number whose powers are finite."""
     result = number(value, where)
     check_size(result, where)
     return result
 
 
-def sized_vector(value: Any, where: str) -> tuple[float, float]:
+def limited_vector(value: Any, where: str) -> tuple[float, float]:
     """Return a pair of finite numbers whose powers are finite."""
     result = vector(value, where)
     check_size(result, where)
@@ -219,19 +219,19 @@ def numbers(values: Any, where: str) -> tuple[float, ...]:
 
 
 def is_sequence(value: Any) -> bool:
-    """Return whether a value is a sequence or an array, and no text."""
+    """Return whether a value is a sequence or an array, but not a text."""
     if isinstance(value, np.ndarray):
         return value.ndim > 0
     return isinstance(value, Sequence) and not isinstance(value, str | bytes)
 
 
-def whole(value: Any, where: str, least: int, most: int | None = None) -> int:
-    """Return a whole number within its range, which ends at the largest 32-bit number at the latest."""
-    whole_one = isinstance(value, Integral) and not isinstance(value, bool)
-    if most is None and whole_one and value > LARGEST_WHOLE:
-        most = LARGEST_WHOLE
-    if not whole_one or value < least or (most is not None and value > most):
-        range_ = f"{least} or more" if most is None else f"{least} to {most}"
+def whole(value: Any, where: str, minimum: int, maximum: int | None = None) -> int:
+    """Return a whole number within a range, which never extends beyond 32-bit integers."""
+    is_whole = isinstance(value, Integral) and not isinstance(value, bool)
+    if maximum is None and is_whole and value > MAX_INTEGER:
+        maximum = MAX_INTEGER
+    if not is_whole or value < minimum or (maximum is not None and value > maximum):
+        range_ = f"{minimum} or more" if maximum is None else f"{minimum} to {maximum}"
         raise InputError(f"must be a whole number, {range_}, got {shown(value)}", where)
     return int(value)
 
@@ -257,8 +257,8 @@ def unit_vector(value: Any, where: str) -> tuple[float, float]:
 def array(values: ArrayLike, where: str, *, finite: bool = True) -> Array:
     """Return a copy of numbers as an array."""
     try:
-        given = np.asarray(values)
-        result = given.astype(float) if given.dtype.kind in REAL else None
+        raw = np.asarray(values)
+        result = raw.astype(float) if raw.dtype.kind in REAL_KINDS else None
     except (TypeError, ValueError, OverflowError):
         result = None
     if result is None:
@@ -268,21 +268,21 @@ def array(values: ArrayLike, where: str, *, finite: bool = True) -> Array:
     return result
 
 
-def two_numbers(given: Any, where: str, names: str = "(lower, upper)", *, finite: bool = False) -> tuple[float, float]:
-    """Return two numbers that the user gave as a pair."""
-    values: Array = array(given, where, finite=finite)
+def two_numbers(pair: Any, where: str, names: str = "(lower, upper)", *, finite: bool = False) -> tuple[float, float]:
+    """Return a pair of numbers as floats."""
+    values: Array = array(pair, where, finite=finite)
     if values.shape != (2,):
-        raise InputError(f"must be a pair {names}, got {shown(given)}", where)
+        raise InputError(f"must be a pair {names}, got {shown(pair)}", where)
     return float(values[0]), float(values[1])
 
 
 def positive_array(values: ArrayLike, where: str, shape: tuple[int, ...] | None = None) -> Array:
-    """Return a copy of numbers above zero as an array; with a shape, one number may stand for all."""
-    found = array(values, where)
-    if not (found > 0.0).all():
+    """Return a copy of numbers above zero as an array, broadcast to a shape if it is given."""
+    result = array(values, where)
+    if not (result > 0.0).all():
         raise InputError("must be positive", where)
     try:
-        return found if shape is None else np.broadcast_to(found, shape).copy()
+        return result if shape is None else np.broadcast_to(result, shape).copy()
     except ValueError:
         raise InputError(f"must be one number, or fit the shape {shape} of the values", where) from None
 
@@ -292,21 +292,21 @@ def complex_array(values: ArrayLike, where: str) -> ComplexArray:
     if not is_sequence(values):
         raise InputError(f"must be an array of numbers, got {shown(values)}", where)
     try:
-        found = np.array(values, dtype=complex)
+        result = np.array(values, dtype=complex)
     except (TypeError, ValueError, OverflowError):
         raise InputError("must be numbers", where) from None
-    if not np.isfinite(found).all():
+    if not np.isfinite(result).all():
         raise InputError("must be finite", where)
-    return found
+    return result
 
 
 def check_keys(table: Any, required: set[str], optional: set[str], where: str) -> None:
-    """Check that a table has all required keys and no unknown key; name the first missing one, or the unknown ones."""
+    """Check that a table has all required keys and no unknown key."""
     if not isinstance(table, dict):
         raise InputError(f"must be a table, got {shown(table)}", where)
     unknown = sorted(table.keys() - required - optional, key=str)
     for key in sorted(required - table.keys()):
-        instead = f"; unknown keys: {', '.join(map(shown, unknown))}" if unknown else ""
-        raise InputError(f"the key '{key}' is missing{instead}", where)
+        advice = f"; unknown keys: {', '.join(map(shown, unknown))}" if unknown else ""
+        raise InputError(f"the key '{key}' is missing{advice}", where)
     for key in unknown:
         raise InputError(f"unknown key {shown(key)}; known are {', '.join(sorted(required | optional))}", where)

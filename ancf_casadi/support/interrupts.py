@@ -1,9 +1,9 @@
-"""Ctrl-C and requests to end while a solver library runs.
+"""Ctrl-C and termination signals while a solver library runs.
 
-A signal that raises an exception inside a CasADi call surfaces as a failure of the solver, or not at all: CasADi
-swallows the exception even while it converts an array.  There are two remedies.  In a call that takes long, the signal
-is noted and acted upon afterwards; a Python function that the library calls can ask ``interrupted`` and stop early.
-Around long work of many calls, the exception is raised again and again until the work ends.
+A signal that raises an exception inside a CasADi call appears as a failure of the solver, or not at all: CasADi
+swallows the exception even while it converts an array.  There are two remedies.  During a long call, the signal is
+noted and handled afterwards; a Python function that the library calls can check ``interrupted`` and stop early.  Around
+work of many calls, the exception is raised repeatedly until the work ends.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from typing import Any
 
 ENDING = tuple(getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name))
 
-REPEAT = 0.2  # s until Ctrl-C is raised again in work that goes on
+REPEAT = 0.2  # interval at which Ctrl-C is raised again, s
 
 _noted: list[list[int]] = []  # signals noted in each open context, the innermost last; main thread only
 
@@ -28,22 +28,22 @@ _noted: list[list[int]] = []  # signals noted in each open context, the innermos
 def noted_interrupts() -> Iterator[list[int]]:
     """Note each Ctrl-C instead of raising; none is noted outside the main thread or if Ctrl-C is ignored.
 
-    SIGTERM and SIGHUP are noted as well if the program handles them, and delivered to it at the end.  So is a Ctrl-C in
-    work that ``lasting_interrupts`` or ``raised_endings`` surrounds.
+    SIGTERM and SIGHUP are noted as well if the program handles them, and delivered to it at the end.  So is a Ctrl-C
+    within ``lasting_interrupts`` or ``raised_endings``.
     """
     noted: list[int] = []
-    before = _handlers(callable)
-    if not before:
+    handlers = _handlers(callable)
+    if not handlers:
         yield noted
         return
     _noted.append(noted)
     try:
-        with _handled(before, lambda number, frame: noted.append(number)):
+        with _replace_handlers(handlers, lambda number, frame: noted.append(number)):
             yield noted
     finally:
         _noted.pop()
         for number in noted:
-            if number != signal.SIGINT or isinstance(before[number], _Ending):
+            if number != signal.SIGINT or isinstance(handlers[number], _RepeatedInterrupt):
                 signal.raise_signal(number)
 
 
@@ -51,9 +51,9 @@ def noted_interrupts() -> Iterator[list[int]]:
 def raised_endings() -> Iterator[list[int]]:
     """Note Ctrl-C, SIGTERM and SIGHUP, and raise ``KeyboardInterrupt`` for each, so that a program can clean up.
 
-    The exception is raised again if a CasADi call swallows it.  Such a call may also turn it into any error of its own.
+    The exception is raised again if a CasADi call swallows it.  Such a call may also convert it to another error.
     """
-    with _raised(_handlers(lambda handler: handler in (signal.default_int_handler, signal.SIG_DFL))) as noted:
+    with _raise_until_end(_handlers(lambda handler: handler in (signal.default_int_handler, signal.SIG_DFL))) as noted:
         yield noted
 
 
@@ -61,9 +61,9 @@ def raised_endings() -> Iterator[list[int]]:
 def lasting_interrupts() -> Iterator[None]:
     """Raise ``KeyboardInterrupt`` at Ctrl-C until the work ends, and in place of any other error or result.
 
-    It also serves as a decorator of long functions.  A program that handles Ctrl-C itself is left to do so.
+    It is also a decorator for long functions.  A handler of Ctrl-C that the program has installed remains in force.
     """
-    with _raised(_handlers(lambda handler: handler is signal.default_int_handler)) as noted:
+    with _raise_until_end(_handlers(lambda handler: handler is signal.default_int_handler)) as noted:
         try:
             yield
         finally:
@@ -88,17 +88,17 @@ def interrupted() -> bool:
 
 
 def _handlers(wanted: Callable[[Any], bool]) -> dict[int, Any]:
-    """Return the present handlers that are wanted, by signal; none outside the main thread."""
+    """Return the current handlers that satisfy a condition, by signal; none outside the main thread."""
     if threading.current_thread() is not threading.main_thread():
         return {}
     return {number: signal.getsignal(number) for number in ENDING if wanted(signal.getsignal(number))}
 
 
 @contextlib.contextmanager
-def _raised(before: dict[int, Any]) -> Iterator[list[int]]:
+def _raise_until_end(handlers: dict[int, Any]) -> Iterator[list[int]]:
     """Raise ``KeyboardInterrupt`` at each of these signals, and again as long as the context is open."""
-    ending, hook = _Ending(), sys.unraisablehook
-    with _handled(before, ending):
+    ending, hook = _RepeatedInterrupt(), sys.unraisablehook
+    with _replace_handlers(handlers, ending):
         try:
             yield ending.noted
         finally:
@@ -107,18 +107,18 @@ def _raised(before: dict[int, Any]) -> Iterator[list[int]]:
                 sys.unraisablehook = hook
 
 
-class _Ending:
+class _RepeatedInterrupt:
     """A handler that notes signals and raises ``KeyboardInterrupt``, again until that is handled."""
 
     def __init__(self) -> None:
         self.noted: list[int] = []
         self.open = True
         self.sending = threading.Lock()
-        self._own = False  # the next signal comes from ``_repeat``
+        self._is_repeat = False  # the next signal comes from ``_repeat``
 
     def __call__(self, number: int, _: object) -> None:
-        if self._own:
-            self._own = False
+        if self._is_repeat:
+            self._is_repeat = False
             if not self.open or isinstance(sys.exception(), KeyboardInterrupt):
                 return
         else:
@@ -134,7 +134,7 @@ class _Ending:
             time.sleep(REPEAT)
             with self.sending:
                 if self.open:
-                    self._own = True
+                    self._is_repeat = True
                     if sys.platform == "win32":
                         _thread.interrupt_main(number)
                     else:
@@ -142,17 +142,17 @@ class _Ending:
 
 
 def _without_interrupts(hook: Callable[[Any], object]) -> Callable[[Any], object]:
-    """Return a hook that does not print an exception that was swallowed and will be raised again."""
+    """Return a hook that does not print a swallowed ``KeyboardInterrupt``, which will be raised again."""
     return lambda failure: None if failure.exc_type is KeyboardInterrupt else hook(failure)
 
 
 @contextlib.contextmanager
-def _handled(before: dict[int, Any], handler: Callable[[int, Any], object]) -> Iterator[None]:
-    """Handle signals in another way, and restore their handlers at the end."""
-    for number in before:
+def _replace_handlers(handlers: dict[int, Any], handler: Callable[[int, Any], object]) -> Iterator[None]:
+    """Replace the handlers of signals, and restore them at the end."""
+    for number in handlers:
         signal.signal(number, handler)
     try:
         yield
     finally:
-        for number, usual in before.items():
-            signal.signal(number, usual)
+        for number, original in handlers.items():
+            signal.signal(number, original)

@@ -1,4 +1,4 @@
-"""Libraries that not every installation has, imported where they are needed."""
+"""Optional libraries, imported where they are needed."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ from ancf_casadi.exceptions import InputError
 
 
 def library(module: str, need: str, package: str = "", name: str = "") -> Any:
-    """Return a module; as ``installed``, refuse what needs it if it, or what it imports, is not installed."""
-    installed(module, need, package, name)
+    """Import a module; an error names it, or a module that it imports, if that is not installed."""
+    find_module(module, need, package, name)
     try:
         return importlib.import_module(module)
     except ModuleNotFoundError as error:
@@ -20,15 +20,15 @@ def library(module: str, need: str, package: str = "", name: str = "") -> Any:
         ) from None
 
 
-def installed(module: str, need: str, package: str = "", name: str = "") -> ModuleSpec:
-    """Return the place of a module, which ``pip install package`` installs; refuse what needs it if there is none.
+def find_module(module: str, need: str, package: str = "", name: str = "") -> ModuleSpec:
+    """Return the specification of a module, which ``pip install package`` installs.
 
-    ``need`` completes "is not installed, but"; the error names the module by ``name``.
+    If it is missing, the error names the module by ``name``; ``need`` completes "is not installed, but".
     """
     try:
-        found = importlib.util.find_spec(module)
+        spec = importlib.util.find_spec(module)
     except (ModuleNotFoundError, ValueError):  # without the package that holds it, or switched off
-        found = None
-    if found is None or found.origin is None:  # or a mere folder of this name
+        spec = None
+    if spec is None or spec.origin is None:  # or a mere folder of this name
         raise InputError(f"is not installed, but {need}; pip install {package or module}", name or module)
-    return found
+    return spec

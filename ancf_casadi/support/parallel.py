@@ -6,10 +6,10 @@
 Tasks and results are pickled on their way to other processes, so a task is a function of a module, or
 ``functools.partial`` of one.  A run gives the same numbers in any process.
 
-Each process first imports the script that asked for it.  A script that asks for processes at its top level, and not
-under ``if __name__ == "__main__":``, would ask for more in each of them, and is refused.
+Each process first imports the script that started it.  A script that starts processes at its top level, and not under
+``if __name__ == "__main__":``, would start more in each of them, and is refused.
 
-A process ends with its parent, however the parent ends: it waits for the end of a pipe that only the parent holds open.
+A process ends with its parent, however the parent ends: it waits for a pipe to close that only the parent holds open.
 """
 
 from __future__ import annotations
@@ -108,7 +108,7 @@ def run_all(
             _check_portable(tasks)
             executor = stack.enter_context(processes(jobs))
         try:
-            for k, result in _finished(tasks, order, executor):
+            for k, result in _completed_tasks(tasks, order, executor):
                 results[k] = result
                 if each is not None:
                     each(k, result)
@@ -122,9 +122,9 @@ def run_all(
 
 @contextlib.contextmanager
 def processes(jobs: int) -> Iterator[Executor]:
-    """Provide processes that leave Ctrl-C to this process and end with it, or at once if it stops early."""
+    """Start processes that ignore Ctrl-C and end with this process, or at once if it stops early."""
     _check_script()
-    others = set(multiprocessing.active_children())
+    earlier_children = set(multiprocessing.active_children())
     pool = ProcessPoolExecutor(jobs, mp_context=multiprocessing.get_context("spawn"), initializer=_start_process)
     try:
         try:
@@ -139,7 +139,7 @@ def processes(jobs: int) -> Iterator[Executor]:
         yield pool
     except BaseException:
         pool.shutdown(wait=False, cancel_futures=True)
-        for process in set(multiprocessing.active_children()) - others:
+        for process in set(multiprocessing.active_children()) - earlier_children:
             process.terminate()
         raise
     finally:
@@ -147,8 +147,8 @@ def processes(jobs: int) -> Iterator[Executor]:
 
 
 @contextlib.contextmanager
-def unbroken() -> Iterator[None]:
-    """Turn the error of an executor whose process ends before its task is done into a ``NumericsError``."""
+def executor_errors() -> Iterator[None]:
+    """Raise a ``NumericsError`` if a process of an executor ends before its task is done."""
     try:
         yield
     except BrokenExecutor:
@@ -158,7 +158,7 @@ def unbroken() -> Iterator[None]:
 
 
 def _check_portable(tasks: Sequence[Callable[[], object]]) -> None:
-    """Refuse tasks that cannot be sent to another process."""
+    """Check that tasks can be sent to another process."""
     for position, task in enumerate(tasks, start=1):
         try:
             pickle.dumps(task)
@@ -180,7 +180,7 @@ def _check_script() -> None:
         raise InputError(f"processes import the script, and {script} is not a file; save it, or use jobs=1", "jobs")
 
 
-def _finished(
+def _completed_tasks(
     tasks: Sequence[Callable[[], Result]], order: Sequence[int], executor: Executor | None
 ) -> Iterator[tuple[int, Result]]:
     """Yield the number and the result of each task once it is done."""
@@ -188,7 +188,7 @@ def _finished(
         for k in order:
             yield k, tasks[k]()
         return
-    with unbroken():
+    with executor_errors():
         futures = {executor.submit(tasks[k]): k for k in order}
         try:
             for future in as_completed(list(futures)):

@@ -1,7 +1,7 @@
-"""Signs of life on a terminal from work whose length is unknown, such as a fit.
+"""Progress on a terminal of work of unknown length, such as a fit.
 
-The caller opens a counter; each part of the work that takes noticeable time calls ``count_step``.  Without an open
-counter, or if standard error is no terminal, nothing is shown.
+The caller opens a counter; each step that takes noticeable time calls ``count_step``.  Without an open counter, or if
+standard error is not a terminal, nothing is shown.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ _open: ContextVar[tqdm[NoReturn] | None] = ContextVar("counter", default=None)
 
 @contextlib.contextmanager
 def counter(title: str, *, shown: bool = True) -> Iterator[None]:
-    """Count steps on a terminal, unless the work is done at once, is not to be shown, or is part of counted work."""
+    """Count steps on a terminal if ``shown`` is true, no other counter is open, and the work takes noticeable time."""
     if not shown or _open.get() is not None:
         yield
         return

@@ -1,8 +1,8 @@
 """Specifications: data with types, ranges, units and descriptions, declared once as a msgspec Struct.
 
-A class that inherits from ``Spec`` is a table of a TOML file and an object of a JSON document alike.  Its fields are
-the keys; ``msgspec.Meta`` holds their ranges and descriptions.  A dataclass of the toolkit may be a table as it is.
-``convert`` reads plain data, and refuses what does not fit in one line with the place, such as
+A subclass of ``Spec`` describes both a table of a TOML file and an object of a JSON document.  Its fields are the keys;
+``msgspec.Meta`` holds their ranges and descriptions.  A dataclass of the toolkit can also describe a table.
+``convert`` converts plain data, and reports an error in one line with its place, such as
 
     study.toml: [beam]: supports: 2: stiffness: must be positive, got -1
     $.beam.supports[1].stiffness: must be positive, got -1
@@ -26,7 +26,7 @@ from msgspec import inspect as types
 from msgspec.structs import asdict
 
 from ancf_casadi.exceptions import InputError
-from ancf_casadi.support.inputs import check_keys, located, shown
+from ancf_casadi.support.inputs import check_keys, error_prefix, shown
 
 SpecType = TypeVar("SpecType")
 
@@ -34,16 +34,16 @@ Positive = Annotated[float, Meta(gt=0.0, le=1e30)]  # as ``physical``: its power
 PositiveOrInfinite = Annotated[float, Meta(gt=0.0)]
 NotNegative = Annotated[float, Meta(ge=0.0)]
 Pair = tuple[float, float]
-UNLISTED = Meta(extra={"hidden": True})  # of a field that no table gives
+UNLISTED = Meta(extra={"hidden": True})  # of a field that is not a key of a table
 
 NOUNS = {"float": "a number", "int": "a whole number", "str": "a text", "bool": "true or false", "array": "a list",
          "object": "a table", "null": "null"}  # fmt: skip
 
 
 class Spec(Struct, frozen=True, forbid_unknown_fields=True):
-    """A table with no other keys than its fields."""
+    """A table whose only keys are its fields."""
 
-    def given(self) -> dict[str, Any]:
+    def set_fields(self) -> dict[str, Any]:
         """Return the fields that are set."""
         return {name: value for name, value in asdict(self).items() if value is not UNSET}
 
@@ -53,27 +53,27 @@ def convert(source: Any, kind: type[SpecType], where: str = "") -> SpecType: ...
 @overload
 def convert(source: Any, kind: Any, where: str = "") -> Any: ...
 def convert(source: Any, kind: Any, where: str = "") -> Any:
-    """Return plain data, or the attributes of an object, as a type; refuse what does not fit, at its place."""
+    """Convert plain data, or the attributes of an object, to a type; an error names the place."""
     if is_dataclass(kind) and isinstance(source, Mapping):
-        check_keys(source, set(), keys_of(kind), where)  # a Struct refuses unknown keys by itself
+        check_keys(source, set(), table_keys(kind), where)  # a Struct refuses unknown keys by itself
     try:
-        with located(where):
+        with error_prefix(where):
             return msgspec.convert(source, kind, from_attributes=True)
     except msgspec.ValidationError as error:
         reason, _, path = str(error).partition(" - at ")
         steps: list[str | int] = []
         value = source
-        declared: types.Type | None = _tagged(types.type_info(kind), source)
+        declared: types.Type | None = _select_by_tag(types.type_info(kind), source)
         for name, number, any_key in re.findall(r"\.([^.\[\]`]+)|\[(\d+)\]|\[(\.\.\.)\]", path):
             step = _refused_key(source, kind, steps, value, str(error)) if any_key else name or int(number)
             steps.append(step)
             value = _item(value, step)
             declared = _declaration(declared, step, value)
         message = "has a key that is no text" if path.startswith("`key`") else _plain_reason(reason, value, declared)
-        raise InputError(message, place_of(where, steps)) from None
+        raise InputError(message, value_place(where, steps)) from None
 
 
-def keys_of(kind: Any) -> set[str]:
+def table_keys(kind: Any) -> set[str]:
     """Return the keys of a table that a class declares."""
     return {field.encode_name for field in listed_fields(kind)}
 
@@ -86,7 +86,7 @@ def listed_fields(kind: type) -> tuple[types.Field, ...]:
     return tuple(field for field in info.fields if getattr(field.type, "extra", None) != UNLISTED.extra)
 
 
-def place_of(where: str, steps: Sequence[str | int]) -> str:
+def value_place(where: str, steps: Sequence[str | int]) -> str:
     """Return the place of a value: a path in a document, ``$.laws[0]``, or else names and numbers from 1."""
     if where.startswith("$"):
         return where + "".join(f".{step}" if isinstance(step, str) else f"[{step}]" for step in steps)
@@ -106,7 +106,7 @@ def alternatives(kind: types.Type) -> tuple[types.Type, ...]:
 
 
 def _item(value: Any, step: str | int) -> Any:
-    """Return what is at a step into plain data or an object; None if nothing is there."""
+    """Return the value at a step into plain data or an object; None if there is none."""
     if isinstance(value, Mapping):
         return value.get(step)
     if isinstance(step, str):
@@ -115,7 +115,7 @@ def _item(value: Any, step: str | int) -> Any:
 
 
 def _refused_key(source: Any, kind: Any, steps: Sequence[str | int], table: Mapping[str, Any], message: str) -> str:
-    """Return the first key of a table at steps into plain data whose value alone is refused with a message."""
+    """Return the first key, of the table at steps into plain data, whose value alone causes the message."""
     for key, item in table.items():
         reduced = copy.deepcopy(source)
         place = reduced
@@ -132,24 +132,24 @@ def _refused_key(source: Any, kind: Any, steps: Sequence[str | int], table: Mapp
 
 
 def _declaration(declared: types.Type | None, step: str | int, value: Any) -> types.Type | None:
-    """Return the declared type at a step into a type, or None if it does not tell."""
+    """Return the declared type at a step into a type, or None if it is undeclared."""
     for kind in alternatives(declared) if declared else ():
         if isinstance(kind, types.VarTupleType) and isinstance(step, int):
-            return _tagged(kind.item_type, value)
+            return _select_by_tag(kind.item_type, value)
         if isinstance(kind, types.TupleType) and isinstance(step, int):
             return kind.item_types[step]
         if isinstance(kind, types.StructType | types.DataclassType):
             if step == getattr(kind, "tag_field", None):
                 return declared
-            if found := [field.type for field in kind.fields if field.encode_name == step]:
-                return _tagged(found[0], value)
+            if field_types := [field.type for field in kind.fields if field.encode_name == step]:
+                return _select_by_tag(field_types[0], value)
         if isinstance(kind, types.DictType) and isinstance(step, str):
-            return _tagged(kind.value_type, value)
+            return _select_by_tag(kind.value_type, value)
     return None
 
 
-def _tagged(declared: types.Type, value: Any) -> types.Type:
-    """Return the struct among several that the tag of a table names."""
+def _select_by_tag(declared: types.Type, value: Any) -> types.Type:
+    """Return the alternative that the tag of a table names, or else the declared type."""
     for kind in alternatives(declared):
         if isinstance(kind, types.StructType) and kind.tag and _item(value, cast(str, kind.tag_field)) == kind.tag:
             return kind
@@ -157,7 +157,7 @@ def _tagged(declared: types.Type, value: Any) -> types.Type:
 
 
 def _plain_reason(reason: str, value: Any, declared: types.Type | None) -> str:
-    """Return the message of msgspec as the checks of this package word it."""
+    """Return the message of msgspec in the words of the checks of this package."""
     kinds = [kind for kind in (alternatives(declared) if declared else ()) if not isinstance(kind, types.NoneType)]
     structs = [kind for kind in kinds if isinstance(kind, types.StructType)]
     if match := re.fullmatch(r"Object missing required field `(.*)`", reason):
@@ -178,8 +178,8 @@ def _plain_reason(reason: str, value: Any, declared: types.Type | None) -> str:
         return f"must be a pair of numbers (x, y), got {shown(value)}"
     for kind in kinds:
         if isinstance(kind, types.VarTupleType) and reason.startswith("Expected `array` of length"):
-            most = "or more" if kind.max_length is None else f"to {kind.max_length}"
-            return f"must be a list of {kind.min_length or 0} {most}, got {shown(value)}"
+            upper = "or more" if kind.max_length is None else f"to {kind.max_length}"
+            return f"must be a list of {kind.min_length or 0} {upper}, got {shown(value)}"
     if match := re.fullmatch(r"Expected `([^`]*)`, got `[^`]*`", reason):
         nouns = [NOUNS.get(name, name) for name in match[1].split(" | ") if name != "null"]
         return f"must be {' or '.join(nouns)}, got {shown(value)}"
@@ -189,7 +189,7 @@ def _plain_reason(reason: str, value: Any, declared: types.Type | None) -> str:
 
 
 def _number_range(kinds: Sequence[types.Type], value: Any) -> str:
-    """Return the numbers that a declared type allows, as a value that is none of them needs it said."""
+    """Return the range of a declared number that a value violates, as a phrase after "must"."""
     for kind in kinds:
         if isinstance(kind, types.IntType):
             return f"be a whole number, {kind.ge or 0} " + ("or more" if kind.le is None else f"to {kind.le}")

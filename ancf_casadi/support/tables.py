@@ -1,7 +1,7 @@
 """Display of objects and results: one line in a shell, tables for a terminal, a notebook and CSV, and JSON.
 
-A class that inherits from ``Displayed`` has a ``repr`` of one line.  One that inherits from ``Reported`` also has text,
-HTML, a file and a figure, which follow from its table, its plain data and the name of the function that draws it.
+A subclass of ``Displayed`` has a ``repr`` of one line.  A subclass of ``Reported`` also has text, HTML, a file and a
+figure, which follow from its table, its plain data and the name of its drawing function.
 """
 
 from __future__ import annotations
@@ -30,44 +30,48 @@ from ancf_casadi.support.files import check_file, write_file
 from ancf_casadi.support.inputs import instances
 
 REPORT_WIDTH = 100  # columns of a report on a terminal
-MOST_CHARACTERS = 180  # characters of an object on one line
+MAX_CHARACTERS = 180  # characters of an object on one line
 
 CONTROLS = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f\u200e\u200f\u2028-\u202e\u2066-\u2069\ud800-\udfff]")
-FORMULA = re.compile(r"[=+\-@\t\r].")  # beginning of a cell that a spreadsheet may compute
+FORMULA = re.compile(r"[=+\-@\t\r].")  # start of a cell that a spreadsheet may evaluate
 
 Cell = str | float | int | None
 
 
 class Displayed:
-    """Base class of public objects, which are shown on one line: the name of the class, and a summary."""
+    """Base class of public objects, with a ``repr`` of one line: the name of the class and a summary."""
 
     def __init_subclass__(cls, **keywords: Any) -> None:
-        """Keep the display of a dataclass, which would generate another one."""
+        """Set ``__repr__`` on the subclass, so that ``dataclass`` does not generate another one."""
         super().__init_subclass__(**keywords)
         cls.__repr__ = cls.__repr__  # type: ignore[method-assign]
 
     def __repr__(self) -> str:
         """Return the object on one line."""
         text = " ".join(self._summary().split())
-        most = MOST_CHARACTERS - len(type(self).__name__)
-        return f"{type(self).__name__}({text if len(text) <= most else f'{text[: most - 3]}...'})"
+        limit = MAX_CHARACTERS - len(type(self).__name__)
+        return f"{type(self).__name__}({text if len(text) <= limit else f'{text[: limit - 3]}...'})"
 
     def _summary(self) -> str:
         """Return the content in a few words; by default, the fields that differ from their defaults."""
         content: Any = self
-        values = [(own, getattr(self, own.name)) for own in (fields(content) if is_dataclass(content) else ())]
-        return ", ".join(f"{own.name}={BRIEF.repr(value)}" for own, value in values if not _is_default(own, value))
+        values = [
+            (declared, getattr(self, declared.name)) for declared in (fields(content) if is_dataclass(content) else ())
+        ]
+        return ", ".join(
+            f"{declared.name}={BRIEF.repr(value)}" for declared, value in values if not _is_default(declared, value)
+        )
 
 
-BRIEF: Any = reprlib.Repr()  # values on one line: numbers to six digits, arrays by their shape, the beginning of others
+BRIEF: Any = reprlib.Repr()  # numbers to six digits, arrays by their shape, other values shortened
 BRIEF.maxtuple = BRIEF.maxlist = BRIEF.maxdict = 6
-BRIEF.maxstring, BRIEF.maxother = 60, MOST_CHARACTERS
+BRIEF.maxstring, BRIEF.maxother = 60, MAX_CHARACTERS
 BRIEF.repr_float = BRIEF.repr_float64 = lambda value, level: f"{value:.6g}"
 BRIEF.repr_ndarray = lambda value, level: f"array{value.shape}"
 
 
-def _is_default(own: Field[Any], value: Any) -> bool:
-    default = own.default if own.default_factory is MISSING else own.default_factory()
+def _is_default(declared: Field[Any], value: Any) -> bool:
+    default = declared.default if declared.default_factory is MISSING else declared.default_factory()
     return type(value) is type(default) and not isinstance(value, np.ndarray) and bool(value == default)
 
 
@@ -87,7 +91,7 @@ class Table(Displayed):
 
     def text(self) -> str:
         """Return the table for a terminal, numbers to six digits."""
-        cells = [list(self.columns), *([_shown(cell) for cell in row] for row in self.rows)]
+        cells = [list(self.columns), *([_cell_text(cell) for cell in row] for row in self.rows)]
         widths = [max(len(row[k]) for row in cells) for k in range(len(self.columns))]
         lines = ["  ".join(cell.rjust(width) for cell, width in zip(row, widths, strict=True)) for row in cells]
         rule = "-" * len(lines[0])
@@ -106,7 +110,7 @@ class Table(Displayed):
     def _repr_html_(self) -> str:
         """Return the table for a notebook."""
         head = "".join(f"<th>{escape(cell)}</th>" for cell in self.columns)
-        rows = ["".join(f"<td>{escape(_shown(cell))}</td>" for cell in row) for row in self.rows]
+        rows = ["".join(f"<td>{escape(_cell_text(cell))}</td>" for cell in row) for row in self.rows]
         body = "".join(f"<tr>{row}</tr>" for row in rows)
         notes = "".join(f"<p>{escape(note)}</p>" for note in self.notes)
         caption = f"<caption>{escape(self.title)}</caption>"
@@ -116,8 +120,8 @@ class Table(Displayed):
 class Reported(Displayed, ABC):
     """Base class of results: text and HTML, JSON, a file, and a figure."""
 
-    _drawing: ClassVar[str]  # module and name of the function that draws results by their labels
-    _comparing: ClassVar[str] = ""  # of the one that draws several, if it is another
+    _drawing: ClassVar[str]  # module and name of the function that draws results by label
+    _comparing: ClassVar[str] = ""  # of the function for several results, if it differs
 
     @abstractmethod
     def table(self) -> Table:
@@ -133,12 +137,11 @@ class Reported(Displayed, ABC):
 
     def report(self) -> str:
         """Return the tables and the warnings as text."""
-        return "\n".join(
-            ["\n\n".join(table.text() for table in self.tables()), *(f"  note: {one}" for one in self._warnings)]
-        )
+        tables = "\n\n".join(table.text() for table in self.tables())
+        return "\n".join([tables, *(f"  note: {warning}" for warning in self._warnings)])
 
     def figure(self, *others: Any, labels: Sequence[str] = ()) -> Figure:
-        """Draw the result, and others of its kind over it.
+        """Draw the result together with others of its kind.
 
         Parameters
         ----------
@@ -152,10 +155,10 @@ class Reported(Displayed, ABC):
         InputError
             If a result is of another kind, or there is not one label for each.
         """
-        return self._drawn(others, labels)
+        return self._draw_figure(others, labels)
 
     def save(self, path: str | Path) -> None:
-        """Write the data of ``to_dict`` to a JSON file; one that cannot be written raises an ``InputError``."""
+        """Write the data of ``to_dict`` to a JSON file; raise an ``InputError`` if it cannot be written."""
         write_file(check_file(path), to_json(self.to_dict()))
 
     @property
@@ -166,50 +169,50 @@ class Reported(Displayed, ABC):
         """Return the table and the warnings for a notebook."""
         return self.table()._repr_html_() + "".join(f"<p>note: {escape(note)}</p>" for note in self._warnings)
 
-    def _drawn(self, others: Sequence[Any], labels: Sequence[str], **options: Any) -> Figure:
+    def _draw_figure(self, others: Sequence[Any], labels: Sequence[str], **options: Any) -> Figure:
         """Return the figure of results by label."""
-        found: Figure = self._made((others and self._comparing) or self._drawing, others, labels, **options)
-        return found
+        figure: Figure = self._make_drawing((others and self._comparing) or self._drawing, others, labels, **options)
+        return figure
 
-    def _made(self, drawing: str, others: Sequence[Any], labels: Sequence[str], **options: Any) -> Any:
-        """Return what a function, ``module.name``, makes of results by label; matplotlib is imported here."""
-        strange = [one for one in others if getattr(one, "_drawing", None) != self._drawing]
-        if strange:
-            raise InputError(f"a {type(self).__name__} cannot be drawn with a {type(strange[0]).__name__}", "figure")
-        own = [self, *others]
-        numbers = [str(k) for k in range(1, len(own) + 1)] if others else [""]
-        names = instances(labels, "labels", str, least=0) or numbers
-        if not len(set(names)) == len(names) == len(own):
-            raise InputError(f"must be {len(own)} different names", "labels")
+    def _make_drawing(self, drawing: str, others: Sequence[Any], labels: Sequence[str], **options: Any) -> Any:
+        """Call the drawing function ``module.name`` with the results by label; this imports matplotlib."""
+        unfit = [other for other in others if getattr(other, "_drawing", None) != self._drawing]
+        if unfit:
+            raise InputError(f"a {type(self).__name__} cannot be drawn with a {type(unfit[0]).__name__}", "figure")
+        results = [self, *others]
+        numbers = [str(k) for k in range(1, len(results) + 1)] if others else [""]
+        names = instances(labels, "labels", str, minimum=0) or numbers
+        if not len(set(names)) == len(names) == len(results):
+            raise InputError(f"must be {len(results)} different names", "labels")
         module, name = drawing.rsplit(".", 1)
-        return getattr(import_module(module), name)(dict(zip(names, own, strict=True)), **options)
+        return getattr(import_module(module), name)(dict(zip(names, results, strict=True)), **options)
 
 
 def counted(count: int, noun: str) -> str:
-    """Return a number of things, as ``1 mode`` or ``5 modes``."""
+    """Return a count with its noun, such as ``1 mode`` or ``5 modes``."""
     return f"{count} {noun}" if count == 1 else f"{count} {noun}s"
 
 
 def spread(values: ArrayLike, unit: str) -> str:
-    """Return the smallest and the largest of values with their unit, as ``1.85 to 88.6 Hz``."""
+    """Return the smallest and the largest value with their unit, such as ``1.85 to 88.6 Hz``."""
     ends = dict.fromkeys(f"{end(values):.4g}" for end in (np.min, np.max)) if np.size(values) else ["no"]
     return f"{' to '.join(ends)} {unit}".rstrip()
 
 
 def with_error(value: float, error: float, unit: str = "") -> str:
-    """Return a value with its standard error, as ``10.0013 +- 0.00026 Hz``: both have the same decimals."""
+    """Return a value with its standard error, such as ``10.0013 +- 0.00026 Hz``, with the same decimals."""
     return f"{to_width(value, error)} +- {error:.2g} {unit}".rstrip()
 
 
 def to_width(value: float, width: float, digits: int = 2) -> str:
-    """Return a value with some digits of an error or of the width of an interval; six of its own without one."""
+    """Return a value rounded to some digits of its error or interval width; to six digits without a finite width."""
     if not (math.isfinite(width) and width > 0.0 and value):
         return f"{value:.6g}"
     return f"{value:.{min(17, max(3, digits + math.ceil(math.log10(abs(value) / width))))}g}"
 
 
-def known(value: float) -> float | None:
-    """Return a number for JSON, None if it is not finite."""
+def finite_or_none(value: float) -> float | None:
+    """Return a number for JSON; None if it is not finite."""
     return float(value) if math.isfinite(value) else None
 
 
@@ -224,12 +227,12 @@ def to_json(value: Any) -> str:
 
 
 def printable(text: str) -> str:
-    """Return a text with escape sequences in place of control characters, which a terminal would obey."""
+    """Return a text with control characters escaped, so that a terminal does not execute them."""
     return CONTROLS.sub(lambda match: ascii(match[0])[1:-1], text)
 
 
-def wrapped(text: str) -> str:
-    """Return a report with long lines, but for rows of tables, folded at spaces and indented by two more columns."""
+def wrap_report(text: str) -> str:
+    """Fold long lines of a report, except rows of tables, at spaces and indent them by two more columns."""
     lines: list[str] = []
     width = 0  # of the last table
     for line in text.split("\n"):
@@ -240,14 +243,14 @@ def wrapped(text: str) -> str:
     return "\n".join(lines)
 
 
-def _shown(cell: Cell) -> str:
+def _cell_text(cell: Cell) -> str:
     if cell is None:
         return ""
     return f"{cell:.6g}" if isinstance(cell, float) else str(cell)
 
 
 def _plain_cell(cell: Cell) -> str | float | int:
-    """Return a cell for CSV; an apostrophe keeps spreadsheets from computing a text as a formula."""
+    """Return a cell for CSV; an apostrophe prevents that a spreadsheet evaluates a text as a formula."""
     if isinstance(cell, str) and FORMULA.match(cell):
         try:
             float(cell)

@@ -1,11 +1,11 @@
 """Factors and products of matrices with many more rows than columns, in blocks of rows.
 
-BLAS divides a large operation among threads, and if other work keeps a core busy, each waits for the other thread.  A
-factorisation of a tall matrix does so for every column.  The blocks are so small that each stays in one thread and in
-the cache.
+BLAS divides a large operation among threads, which wait for each other if other work keeps a core busy.  In the
+factorisation of a tall matrix, this happens for every column.  The blocks are so small that each stays in one thread
+and in the cache.
 
-The triangle R of the QR factors is that of the triangles of the blocks (TSQR).  Q = A R^-1 with one step of iterative
-refinement is nearly orthonormal, and a Cholesky factor of Q' Q makes it so.
+The triangle R of the QR factors is that of the stacked triangles of the blocks (TSQR).  Q = A R^-1 with one step of
+iterative refinement is nearly orthonormal, and a Cholesky factor of Q' Q makes it orthonormal.
 
 References
 ----------
@@ -22,20 +22,20 @@ import numpy as np
 
 from ancf_casadi.support.arrays import Array
 
-MOST_PRODUCTS = 2**17  # multiplications of real matrices that OpenBLAS leaves to one thread, A' A included
-MOST_ENTRIES = 9215  # of a matrix that OpenBLAS multiplies with a vector in one thread
+MAX_PRODUCTS = 2**17  # multiplications of real matrices that OpenBLAS leaves to one thread, A' A included
+MAX_ENTRIES = 9215  # of a matrix that OpenBLAS multiplies with a vector in one thread
 FACTOR_ROWS = 8  # of a block that is factorised, per column
-MOST_FACTORISED = 8191  # entries of such a block that OpenBLAS updates in one thread
+MAX_FACTOR_ENTRIES = 8191  # entries of such a block that OpenBLAS updates in one thread
 
 
 def tall_triangle(matrix: Array) -> Array:
     """Return the triangle of the QR factors of a tall matrix, (c, c)."""
     columns = matrix.shape[1]
-    size = max(min(FACTOR_ROWS * columns, MOST_FACTORISED // columns), 2 * columns)
+    size = max(min(FACTOR_ROWS * columns, MAX_FACTOR_ENTRIES // columns), 2 * columns)
     while len(matrix) > size:
-        whole = len(matrix) // size * size
-        triangles = np.asarray(np.linalg.qr(matrix[:whole].reshape(-1, size, columns), mode="r"))
-        matrix = np.concatenate([triangles.reshape(-1, columns), matrix[whole:]])
+        divisible = len(matrix) // size * size
+        triangles = np.asarray(np.linalg.qr(matrix[:divisible].reshape(-1, size, columns), mode="r"))
+        matrix = np.concatenate([triangles.reshape(-1, columns), matrix[divisible:]])
     return np.asarray(np.linalg.qr(matrix, mode="r"))
 
 
@@ -48,8 +48,8 @@ def tall_qr(matrix: Array) -> tuple[Array, Array]:
     q = np.empty(matrix.shape)
     for rows in _blocks(*matrix.shape):
         scaled = matrix[rows] / length
-        part = scaled @ inverse
-        q[rows] = part + (scaled - part @ triangle) @ inverse
+        estimate = scaled @ inverse
+        q[rows] = estimate + (scaled - estimate @ triangle) @ inverse
     correction = np.linalg.cholesky(inner(q, q)).T
     return tall_times(q, np.linalg.inv(correction)), correction @ triangle * length
 
@@ -58,10 +58,10 @@ def tall_times(tall: Any, small: Array) -> Any:
     """Return the product of a tall matrix (m, c) and a small real one (c, n)."""
     if np.iscomplexobj(tall):
         return tall_times(tall.real, small) + 1j * tall_times(tall.imag, small)
-    found = np.empty((len(tall), small.shape[1]))
+    product = np.empty((len(tall), small.shape[1]))
     for rows in _blocks(len(tall), max(small.shape)):
-        np.matmul(tall[rows], small, out=found[rows])
-    return found
+        np.matmul(tall[rows], small, out=product[rows])
+    return product
 
 
 def inner(first: Any, second: Any) -> Any:
@@ -71,6 +71,6 @@ def inner(first: Any, second: Any) -> Any:
 
 
 def _blocks(count: int, columns: int) -> Iterator[slice]:
-    """Return the rows of the blocks of matrices with so many columns at most."""
-    size = max(min(MOST_PRODUCTS // (columns * (columns + 1)), MOST_ENTRIES // columns), 1)
+    """Return the rows of the blocks of matrices with up to this number of columns."""
+    size = max(min(MAX_PRODUCTS // (columns * (columns + 1)), MAX_ENTRIES // columns), 1)
     return (slice(start, start + size) for start in range(0, count, size))

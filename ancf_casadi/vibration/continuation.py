@@ -35,7 +35,7 @@ from ancf_casadi.mechanics.model import Model
 from ancf_casadi.mechanics.nodes import NODE
 from ancf_casadi.mechanics.supports import Clamp
 from ancf_casadi.support.arrays import Array
-from ancf_casadi.support.banded import BandedFactors, factorised
+from ancf_casadi.support.banded import BandedFactors, factorise
 from ancf_casadi.vibration.assembly import BANDWIDTH, Position, Structure, solve_refined
 from ancf_casadi.vibration.eigensolver import eigenvalue_shift
 from ancf_casadi.vibration.equilibrium import Equilibrium
@@ -119,7 +119,7 @@ class PathPoint:
     @cached_property
     def factors(self) -> BandedFactors:
         """The factors of K."""
-        return factorised(self.balance[1])
+        return factorise(self.balance[1])
 
     @cached_property
     def determinant(self) -> tuple[float, float]:

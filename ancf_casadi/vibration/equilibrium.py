@@ -28,7 +28,7 @@ from ancf_casadi.mechanics.loads import Load, PointLoad, loads_text
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.mechanics.nodes import NODE
 from ancf_casadi.support.arrays import Array
-from ancf_casadi.support.banded import factorised, sparse
+from ancf_casadi.support.banded import factorise, sparse
 from ancf_casadi.support.tables import Reported, Table, counted
 from ancf_casadi.vibration.assembly import Position, Structure, solve_refined
 from ancf_casadi.vibration.eigensolver import eigenvalue_shift, is_definite, lowest_modes
@@ -118,7 +118,7 @@ class Equilibrium(Reported):
         """True if no small disturbance grows; if forces follow the beam, as far as divergence goes."""
         _, stiffness, mass = self.structure.linearisation(self.exact)
         if any(load.follower for load in self.all_loads):
-            return factorised(stiffness).determinant[0] > 0.0
+            return factorise(stiffness).determinant[0] > 0.0
         surely = is_definite(stiffness - eigenvalue_shift(self.model, stiffness, mass) * mass)
         return surely or lowest_modes(self.structure, self.exact, 1) is not None
 
@@ -170,7 +170,7 @@ def neighbouring_equilibrium(
         if support_motion is not None:
             force = force + structure.whole_product(position)(support_motion)
         try:
-            step = -solve_refined(factorised(stiffness).solve, structure.stiffness_product(position), force + support)
+            step = -solve_refined(factorise(stiffness).solve, structure.stiffness_product(position), force + support)
         except np.linalg.LinAlgError:
             return None
         if not np.isfinite(step).all():

@@ -71,7 +71,7 @@ import scipy.sparse
 from ancf_casadi.exceptions import EquilibriumError
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.support.arrays import Array, Index
-from ancf_casadi.support.banded import BandedFactors, factorised, sparse
+from ancf_casadi.support.banded import BandedFactors, factorise, sparse
 from ancf_casadi.vibration.assembly import BANDWIDTH, EqualElements, Position, Structure, per_element, scatter
 from ancf_casadi.vibration.eigensolver import eigenvalue_shift, lowest_modes
 from ancf_casadi.vibration.equilibrium import neighbouring_equilibrium
@@ -91,7 +91,7 @@ def pencil_solver(pencil: Array, diagonal: Array, phi: Array) -> Callable[[Array
     banded[rows == fixed] = 0.0
     banded[:, fixed] = 0.0
     banded[BANDWIDTH, fixed] = 1.0
-    factors = factorised(banded)
+    factors = factorise(banded)
 
     def solve(right_side: Array) -> Array:
         right_side = np.multiply(scale[:, None], right_side, order="F")
@@ -141,7 +141,7 @@ class ModalState:
         """Factors of the stiffness K of the free coordinates, shifted as for the modes if the beam is not held."""
         stiffness, mass = self._matrices
         shift = 0.0 if self.model.is_held else eigenvalue_shift(self.model, stiffness, mass)
-        return factorised(stiffness + shift * mass if shift else stiffness)
+        return factorise(stiffness + shift * mass if shift else stiffness)
 
     @cached_property
     def pencil_solvers(self) -> list[Callable[[Array], Array]]:

@@ -32,7 +32,7 @@ from ancf_casadi.mechanics.model import Model
 from ancf_casadi.mechanics.nodes import NODE
 from ancf_casadi.mechanics.state import State
 from ancf_casadi.support.arrays import Array
-from ancf_casadi.support.banded import factorised
+from ancf_casadi.support.banded import factorise
 from ancf_casadi.support.files import check_file, write_file
 from ancf_casadi.support.inputs import array, check_instance, number, numbers, whole
 from ancf_casadi.support.interrupts import lasting_interrupts
@@ -210,7 +210,7 @@ class Modes(Reported):
         for _ in range(12):
             balance, stiffness, _ = structure.linearisation(Position.of(coordinates))
             try:
-                solutions = factorised(stiffness).solve(np.column_stack([balance, modal_inertia]))
+                solutions = factorise(stiffness).solve(np.column_stack([balance, modal_inertia]))
                 mismatch = modal - modal_inertia.T @ (model.of_free(coordinates - reference) - solutions[:, 0])
                 change = model.moved(
                     solutions[:, 1:] @ np.linalg.solve(modal_inertia.T @ solutions[:, 1:], mismatch) - solutions[:, 0]
@@ -257,7 +257,9 @@ class Modes(Reported):
             As in ``Trajectory.animate``; or if there is no such mode.
         """
         options = {"path": check_file(path), "modes": modes, "frame_rate": frame_rate}
-        write_file(Path(path), self._made("ancf_casadi.animation.motions.moving_modes", others, labels, **options))
+        write_file(
+            Path(path), self._make_drawing("ancf_casadi.animation.motions.moving_modes", others, labels, **options)
+        )
 
     def table(self) -> Table:
         """Return the natural frequencies."""

@@ -212,7 +212,7 @@ class EquilibriumPath(Reported):
         InputError
             If a result is of another kind, or there is not one label for each.
         """
-        return self._drawn(others, labels, point=point)
+        return self._draw_figure(others, labels, point=point)
 
     def _summary(self) -> str:
         critical = counted(len(self.critical_points), "critical point")
@@ -274,7 +274,7 @@ def equilibrium_path(
     """
     check_instance(model, "model", Model)
     check_instance(start, "start", CriticalPoint, NoneType)
-    applied_loads = instances(loads, "loads", PointLoad, LineLoad, least=0)
+    applied_loads = instances(loads, "loads", PointLoad, LineLoad, minimum=0)
     loading = ProportionalLoading(model, applied_loads, positive(largest_factor, "largest_factor"))
     most_steps, side = whole(most_steps, "most_steps", 1), whole(side, "side", -1, 1)
     if not (loading.moves or any(any(load.values) for load in applied_loads)):

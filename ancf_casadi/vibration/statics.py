@@ -103,7 +103,7 @@ def static_equilibrium(
     force, moment = vector(tip_force, "tip_force"), number(tip_moment, "tip_moment")
     check_size(force, "tip_force")
     check_size(moment, "tip_moment")
-    other_loads, side = instances(loads, "loads", PointLoad, LineLoad, least=0), whole(side, "side", -1, 1)
+    other_loads, side = instances(loads, "loads", PointLoad, LineLoad, minimum=0), whole(side, "side", -1, 1)
     if side == 0:
         raise InputError("must be 1 or -1", "side")
     straight = Equilibrium(model, model.straight, force, moment, loads=other_loads)

@@ -24,7 +24,7 @@ from ancf_casadi.mechanics.model import Model
 from ancf_casadi.mechanics.state import State
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.inputs import check_instance
-from ancf_casadi.support.tables import Table, known
+from ancf_casadi.support.tables import Table, finite_or_none
 from ancf_casadi.vibration.equilibrium import bend_advice, bends_allowed
 from problems.beam.curves.block import CurveBlock, curve_block
 from problems.beam.curves.record import ResponseRecord
@@ -367,12 +367,12 @@ class BeamFit(BlocksResult):
             "law": law_name(self.guess),
             "first": {name: {"value": value, "unit": property_unit(name)} for name, value in self.first.items()},
             "combinations": {
-                name: {"value": value, "unit": PROPERTY_UNITS[name], "standard_error": known(error)}
+                name: {"value": value, "unit": PROPERTY_UNITS[name], "standard_error": finite_or_none(error)}
                 for name, (value, error) in self.combinations.items()
             },
-            "products": [{"product": name, "relative_error": known(error)} for name, error in self._products],
-            "scatter": known(self.scatter),
-            "mesh_shifts": {name: known(shift) for name, shift in self.mesh_shifts.items()},
+            "products": [{"product": name, "relative_error": finite_or_none(error)} for name, error in self._products],
+            "scatter": finite_or_none(self.scatter),
+            "mesh_shifts": {name: finite_or_none(shift) for name, shift in self.mesh_shifts.items()},
         }
 
 

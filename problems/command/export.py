@@ -32,7 +32,7 @@ from ancf_casadi.export import (
 )
 from ancf_casadi.export.fmu import FmuKind
 from ancf_casadi.support.files import check_folder, read_json
-from ancf_casadi.support.inputs import located
+from ancf_casadi.support.inputs import error_prefix
 from problems.command.output import Output, add_options, comma_numbers, finite, new_files, positive_count
 from problems.spec.beam import read_damped
 
@@ -94,11 +94,11 @@ def run_export(options: argparse.Namespace) -> Output:
     began = time.perf_counter()
     source = read_damped(options.file)
     if options.format == "c":
-        with located("--out"):
+        with error_prefix("--out"):
             check_folder(options.out)
     else:
         new_files([options.file, *options.identification, *options.data], options.out)
-    with located("--markers"):
+    with error_prefix("--markers"):
         for marker in options.markers:
             source.model.element_at(marker)
     for name in REFUSED[options.format]:
@@ -136,7 +136,7 @@ def _export(source: Document, options: argparse.Namespace) -> Sequence[Path]:
     if modes is None:
         functions = beam_functions(document.model, document.damping, markers=markers)
     else:
-        with located("--reduced"):
+        with error_prefix("--reduced"):
             functions = reduce_model(document.model, damping=document.damping, markers=markers, modes=modes)
     if form == "c":
         return write_c(functions, out)
@@ -156,6 +156,6 @@ def _identifications(results: Sequence[str], records: Sequence[str]) -> list[Ide
     identifications = []
     for path, data in pairs:
         result = read_json(path)
-        with located(path):
+        with error_prefix(path):
             identifications.append(Identification.of(result, data=data))
     return identifications

@@ -18,7 +18,7 @@ from ancf_casadi.decay.rest_position import Rest
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.support.files import check_file
-from ancf_casadi.support.inputs import located
+from ancf_casadi.support.inputs import error_prefix
 from problems.command.output import (
     Output,
     add_options,
@@ -84,14 +84,14 @@ def run_fit_decay(options: argparse.Namespace) -> Output:
         times = [None] * len(records)
         _check_outputs(options, len(records))
     if options.modes is not None:
-        with located(options.files[0]):
+        with error_prefix(options.files[0]):
             return result_output(
                 fit_modes(records[0], modes=options.modes or None, release_time=times[0]), options.plot
             )
     isolated: list[IsolatedMode] = []
     if options.band is not None:
         for path, record, time in zip(options.files, records, times, strict=True):
-            with located(path):
+            with error_prefix(path):
                 isolated.append(isolate_mode(record, options.band, release_time=time))
         records, times = [mode.record for mode in isolated], [mode.mode.release_time for mode in isolated]
     return _fitted(options, records, times, isolated)
@@ -141,7 +141,7 @@ def _fitted(
 ) -> Output:
     laws = {"law": options.law, "frequency_law": options.frequency_law, "rest": options.rest}
     extra: dict[str, Any] = {}
-    with located(", ".join(options.files)):
+    with error_prefix(", ".join(options.files)):
         if _automatic(options):
             comparison = compare_decay_laws(records[0], release_time=times[0], **comparison_arguments(**laws))
             fits, text = [comparison.best], comparison.report()

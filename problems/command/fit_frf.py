@@ -8,7 +8,7 @@ from typing import get_args
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.records.layout import LAYOUT_KEYS, TableLayout
 from ancf_casadi.response.linear_frf import FrfKind
-from ancf_casadi.support.inputs import located
+from ancf_casadi.support.inputs import error_prefix
 from problems.command.output import (
     Output,
     add_options,
@@ -55,6 +55,6 @@ def run_fit_frf(options: argparse.Namespace) -> Output:
     reading = {name: getattr(options, name) for name in COLUMN_KEYS}
     layout = TableLayout.of(vars(options))
     record = FrfRecord.from_file(options.file, options.kind, layout=layout, progress=True, **reading)
-    with located(options.file):
+    with error_prefix(options.file):
         fit = fit_frf(record, modes=options.modes, frequencies=options.frequencies, band=options.band)
     return result_output(fit, options.plot)

@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 
 from ancf_casadi.exceptions import InputError
-from ancf_casadi.support.inputs import located
+from ancf_casadi.support.inputs import error_prefix
 from problems.beam.curves.record import ResponseRecord
 from problems.command.fit_decay import add_law_options
 from problems.command.output import Output, add_options, add_plot, finite, new_files, result_output
@@ -51,7 +51,7 @@ def run_fit_mode(options: argparse.Namespace) -> Output:
     ]
     decays = [read_record(path, options) for path in files]
     times = releases(options, len(files)) if files else []
-    with located(", ".join(named)):
+    with error_prefix(", ".join(named)):
         fit = fit_mode(
             [*decays, *curves],
             release_times=[time for time in times if time is not None] or None,

@@ -26,7 +26,7 @@ from ancf_casadi.records.sensor import Sensor
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.figures import Figure
 from ancf_casadi.support.inputs import physical
-from ancf_casadi.support.tables import Table, known
+from ancf_casadi.support.tables import Table, finite_or_none
 from problems.command.output import Output, add_plot, figure_writers, new_files
 from problems.command.record_options import FILE_KEYS, add_record_options
 
@@ -192,7 +192,7 @@ def _text(options: argparse.Namespace, recording: Recording, data: Mapping[str, 
             channel["number"], channel["name"],
             channel["unit"] if channel["quantity"] or not channel["unit"] else f"{channel['unit']} (?)",
             channel["samples"], channel["gaps"] or None,
-            *(known(channel[key]) for key in ("lowest", "highest", "frequency")),
+            *(finite_or_none(channel[key]) for key in ("lowest", "highest", "frequency")),
         )
         for channel in shown
     ]  # fmt: skip

@@ -15,7 +15,7 @@ from ancf_casadi.exceptions import InputError
 from ancf_casadi.records.layout import TableLayout
 from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.records.sensor import Sensor
-from ancf_casadi.support.inputs import located
+from ancf_casadi.support.inputs import error_prefix
 from ancf_casadi.support.specs import alternatives, listed_fields
 from problems.command.output import comma_numbers, finite, positive_count
 from problems.spec.record_files import ChannelSpec, SensorSpec
@@ -73,14 +73,14 @@ def read_record(path: str, options: argparse.Namespace) -> Measurement:
     reading = {name: getattr(options, name) for name in READING_KEYS}
     layout = TableLayout.of(vars(options))
     record = Measurement.from_file(path, sensor=sensor, layout=layout, progress=True, **reading)
-    with located(f"{path}: --begin, --end"):
+    with error_prefix(f"{path}: --begin, --end"):
         record = record.cut(options.begin, options.end)
     if options.decimate is None:
         return record
     if options.release_time is not None:
         raise InputError("the record begins after the release with --decimate; give --begin", "--release-time")
     released = record.cut(record.time[find_release(record.time, record.values).index])
-    with located(f"{path}: --decimate"):
+    with error_prefix(f"{path}: --decimate"):
         return released.decimated(options.decimate)
 
 

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from ancf_casadi.records.channel import Recording
-from ancf_casadi.records.video.recorded import track_video
+from ancf_casadi.records.video.recording import track_video
 from ancf_casadi.support.arrays import root_mean_square
 from ancf_casadi.support.tables import Table
 from problems.command.output import Output, add_options, comma_numbers, file_writers, finite, new_files, positive_count

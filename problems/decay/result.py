@@ -27,7 +27,7 @@ from ancf_casadi.estimation.solver.unknown import share_lines
 from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.support.arrays import Array, root_mean_square
 from ancf_casadi.support.inputs import array
-from ancf_casadi.support.tables import known, to_width
+from ancf_casadi.support.tables import finite_or_none, to_width
 from problems.decay.laws import DECAY_QUANTITIES, DecayModel, Law
 from problems.decay.limitations import explained_share, limitations
 from problems.decay.prediction import predict_decay
@@ -285,18 +285,18 @@ class DecayFit(LeastSquaresResult):
         errors, intervals, unknown = self.standard_errors, self.intervals(), (math.nan, math.nan)
         for name, quantity in DECAY_QUANTITIES.items():
             suffix = quantity.suffix if self.model.unit(name) == quantity.unit else ""  # then ``units`` has the unit
-            table[f"{name}{suffix}"] = known(self.values[name])
-            table[f"{name}_stderr{suffix}"] = known(errors.get(name, math.nan))
-            table[f"{name}_interval{suffix}"] = [known(end) for end in intervals.get(name, unknown)]
+            table[f"{name}{suffix}"] = finite_or_none(self.values[name])
+            table[f"{name}_stderr{suffix}"] = finite_or_none(errors.get(name, math.nan))
+            table[f"{name}_interval{suffix}"] = [finite_or_none(end) for end in intervals.get(name, unknown)]
         return {
             **super().to_dict(),
             **table,
-            "correlation": known(self.correlation),
+            "correlation": finite_or_none(self.correlation),
             "release_time_s": self.release_time,
             "release_reason": self.release_reason,
             f"residual_rms{'_m' * (self.model.sensor.unit == 'm')}": self.residual_rms,
             "against_amplitude": self.ends_of_range.to_dict() if self.ends_of_range else None,
-            "explained_share": known(self.explained_share),
+            "explained_share": finite_or_none(self.explained_share),
             "sensor": self.model.sensor.quantity,
             "units": self.units,
             "samples": self.samples,

@@ -47,7 +47,7 @@ from ancf_casadi.estimation.solver.least_squares import least_squares
 from ancf_casadi.estimation.solver.unknown import Priors, Unknown, started
 from ancf_casadi.exceptions import FitError, InputError
 from ancf_casadi.records.measurement import Measurement
-from ancf_casadi.records.processing import projected, resolution
+from ancf_casadi.records.processing import project_on_cosines, resolution
 from ancf_casadi.support.arrays import Array, root_mean_square
 from ancf_casadi.support.inputs import check_instance
 from problems.decay.laws import DecayModel, Law, with_priors
@@ -235,7 +235,9 @@ def reduce_to_band(decay: Measurement, count: int, curve: Callable[[Array], Arra
     if count == m:
         return decay
     time = (m / count * (np.arange(count) + 0.5) - 0.5) * decay.time[-1] / (m - 1)
-    return Measurement(time, curve(time) + projected(decay.values - curve(decay.time), count), sensor=decay.sensor)
+    return Measurement(
+        time, curve(time) + project_on_cosines(decay.values - curve(decay.time), count), sensor=decay.sensor
+    )
 
 
 def decay_curve(model: DecayModel, values: ArrayLike) -> Callable[[Array], Array]:

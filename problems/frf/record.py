@@ -18,11 +18,20 @@ import numpy as np
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.records.channel import unit_notes
 from ancf_casadi.records.layout import NO_LAYOUT, TableLayout
-from ancf_casadi.records.over_frequency import SpectralFunction, functions_of, read_spectral
+from ancf_casadi.records.over_frequency import SpectralFunction, extract_functions, read_spectral
 from ancf_casadi.records.units import known_unit
 from ancf_casadi.response.linear_frf import FRF_UNITS, FrfKind
 from ancf_casadi.support.arrays import Array, ComplexArray
-from ancf_casadi.support.inputs import array, check_instance, choice, complex_array, instances, located, numbers, shown
+from ancf_casadi.support.inputs import (
+    array,
+    check_instance,
+    choice,
+    complex_array,
+    error_prefix,
+    instances,
+    numbers,
+    shown,
+)
 from ancf_casadi.support.tables import Displayed, counted, spread
 
 LEAST_LINES = 8
@@ -185,7 +194,7 @@ class FrfRecord(Displayed):
             .only("--column", ["amplitude", "real", ""], column)
             .only("--phase", ["phase"], phase)
         )
-        functions = functions_of(contents, phase_unit)
+        functions = extract_functions(contents, phase_unit)
         if not functions:
             raise InputError("has no columns with the values of functions", str(path))
         amplitudes_only = [function.channel for function in functions if not np.iscomplexobj(function.values)]
@@ -208,7 +217,7 @@ class FrfRecord(Displayed):
         is_usable = np.isfinite(f) & np.isfinite(values).all(axis=0) & (f != 0.0)
         if not is_usable.all():
             notes.append(f"{int((~is_usable).sum())} lines at 0 Hz or with a gap are left out")
-        with located(str(path)):
+        with error_prefix(str(path)):
             return cls(
                 f[is_usable],
                 values[order][:, is_usable].reshape(*shape, -1),

@@ -52,7 +52,7 @@ from ancf_casadi.estimation.noise.series import MOST_CONCENTRATION, concentratio
 from ancf_casadi.estimation.solver.least_squares import least_squares
 from ancf_casadi.estimation.solver.unknown import Unknown
 from ancf_casadi.support.arrays import Array, ComplexArray
-from ancf_casadi.support.callbacks import Differentiable, kept
+from ancf_casadi.support.callbacks import Differentiable, callback_function
 from ancf_casadi.support.tall import tall_qr
 from problems.decay.limitations import IMPRECISE, MAX_ORDER
 from problems.frf.modal_sum import LARGEST_RATIO, RESIDUAL_POWERS, TrialFit, stack_parts
@@ -82,7 +82,7 @@ def refine(start: TrialFit) -> tuple[TrialFit, Fit]:
         return trial.weighted_residuals, trial.jacobian
 
     k, count = start.values.shape
-    residuals = kept(Differentiable(project_residuals, 2 * k * count, len(unknowns)), "projected")
+    residuals = callback_function(Differentiable(project_residuals, 2 * k * count, len(unknowns)), "projected")
     settings: dict[str, Any] = {
         "gauss_newton": True,
         "series": [k] * (2 * count),

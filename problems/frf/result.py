@@ -18,7 +18,7 @@ from ancf_casadi.exceptions import FitError, InputError
 from ancf_casadi.support.arrays import Array, ComplexArray
 from ancf_casadi.support.figures import Figure
 from ancf_casadi.support.inputs import check_instance, positive_array
-from ancf_casadi.support.tables import Table, known
+from ancf_casadi.support.tables import Table, finite_or_none
 from problems.frf.modal_sum import ModalSum, TrialFit, quick_fit
 from problems.frf.record import FrfRecord
 from problems.frf.refinement import (
@@ -225,8 +225,8 @@ class FrfFit(LeastSquaresResult):
         rows, constants, intervals = [], [], self.intervals()
         for k, (f, ζ) in enumerate(zip(self.frequencies.tolist(), self.damping_ratios.tolist(), strict=True), start=1):
             error, ratio_error = (self.standard_errors[f"{name}_{k}"] for name in ("frequency", "damping_ratio"))
-            percent = [known(100 * x) for x in (ratio_error, *intervals[f"damping_ratio_{k}"])]
-            rows.append((k, f, known(error), 100 * ζ, *percent))
+            percent = [finite_or_none(100 * x) for x in (ratio_error, *intervals[f"damping_ratio_{k}"])]
+            rows.append((k, f, finite_or_none(error), 100 * ζ, *percent))
             values, errors = self.constants[k - 1].flat, self.constant_errors[k - 1].flat
             for name, c, e in zip(self.record.names(), values, errors, strict=True):
                 constants.append((k, name, float(c.real), float(e.real), float(c.imag), float(e.imag)))
@@ -247,8 +247,8 @@ class FrfFit(LeastSquaresResult):
         for k, (f, ζ) in enumerate(zip(self.frequencies.tolist(), self.damping_ratios.tolist(), strict=True), start=1):
             mode: dict[str, Any] = {"frequency_hz": f, "damping_ratio": ζ}
             for name, suffix in (("frequency", "_hz"), ("damping_ratio", "")):
-                mode[f"{name}_stderr{suffix}"] = known(self.standard_errors[f"{name}_{k}"])
-                mode[f"{name}_interval{suffix}"] = [known(end) for end in intervals[f"{name}_{k}"]]
+                mode[f"{name}_stderr{suffix}"] = finite_or_none(self.standard_errors[f"{name}_{k}"])
+                mode[f"{name}_interval{suffix}"] = [finite_or_none(end) for end in intervals[f"{name}_{k}"]]
             arrays = ("constants", self.constants), ("constants_stderr", self.constant_errors), ("shape", self.shapes)
             for name, values in arrays:
                 mode[f"{name}_real"] = values[k - 1].real.tolist()

@@ -20,7 +20,7 @@ from ancf_casadi.mechanics.lumped import lumped_kind, property_unit
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.figures import Figure
 from ancf_casadi.support.tables import Table
-from ancf_casadi.support.tables import known as finite
+from ancf_casadi.support.tables import finite_or_none as finite
 from ancf_casadi.vibration.modes import unit_warning
 from problems.matching.identifiability import Identifiability
 from problems.matching.measured_modes import MeasuredModes

@@ -42,7 +42,7 @@ from ancf_casadi.exceptions import InputError
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.figures import COMPUTED, MEASURED, Figure, literal_text
 from ancf_casadi.support.inputs import is_sequence, numbers, physical, shown
-from ancf_casadi.support.tables import Table, known
+from ancf_casadi.support.tables import Table, finite_or_none
 
 LARGEST_DEVIATION = 3.0  # difference from a measured ratio, in standard deviations, beyond which there is a warning
 
@@ -149,9 +149,9 @@ class RayleighFit(LeastSquaresResult):
         return {
             **super().to_dict(),
             "alpha": self.alpha,
-            "alpha_stderr": known(self.standard_errors["alpha"]),
+            "alpha_stderr": finite_or_none(self.standard_errors["alpha"]),
             "beta": self.beta,
-            "beta_stderr": known(self.standard_errors["beta"]),
+            "beta_stderr": finite_or_none(self.standard_errors["beta"]),
             "frequencies_hz": list(self.frequencies),
             "damping_ratios": list(self.measured),
             "ratio_std": None if self.ratio_std is None else list(self.ratio_std),

@@ -15,7 +15,7 @@ from matplotlib.figure import Figure
 from ancf_casadi.decay.envelope import draw_against_amplitude
 from ancf_casadi.estimation.prediction import TIME_AXIS
 from ancf_casadi.support.arrays import Array
-from ancf_casadi.support.figures import COMPUTED, MEASURED, literal_text, prefixed
+from ancf_casadi.support.figures import COMPUTED, MEASURED, literal_text, si_prefix
 from problems.beam.curves.record import ResponseRecord
 from problems.mode.oscillator import motion_amplitudes, motions_at, response_curve
 from problems.mode.result import ModeFit
@@ -42,7 +42,7 @@ def mode_figure(fits: Mapping[str, ModeFit]) -> Figure:
     for axes, (name, pairs) in zip(plots, drawn_panels, strict=False):
         _draw_curves(axes, fit, pairs, name)
     if decays:
-        scale, unit = prefixed(max(float(np.abs(decay.measured).max()) for decay in decays), decays[0].unit)
+        scale, unit = si_prefix(max(float(np.abs(decay.measured).max()) for decay in decays), decays[0].unit)
         for decay in decays:
             plots[-1].plot(decay.places, decay.measured.real / scale, ".", ms=1.5, color=MEASURED)
             plots[-1].plot(decay.places, decay.predicted.real / scale, lw=0.5, color=COMPUTED)
@@ -56,12 +56,12 @@ def _draw_curves(axes: Axes, fit: ModeFit, pairs: list[tuple[ResponseRecord, str
     first_record = pairs[0][0]
     units = {"amplitude": first_record.sensor.unit, "phase": "rad", "level": first_record.excitation_unit}
     largest = max(float(_measured_values(curve, name).max()) for curve, _ in pairs)
-    scale, unit = (1.0, "rad") if name == "phase" else prefixed(largest, units[name])
+    scale, unit = (1.0, "rad") if name == "phase" else si_prefix(largest, units[name])
     for k, (record, constant) in enumerate(pairs):
         colour = f"C{k % 10}"
         control_unit = record.sensor.unit if record.control == "response" else record.excitation_unit
         control = float(np.median(_controlled_quantity(record)))
-        control_scale, symbol = prefixed(control, control_unit)
+        control_scale, symbol = si_prefix(control, control_unit)
         label = f"{control / control_scale:.3g} {symbol}".rstrip()
         axes.plot(record.f, _measured_values(record, name) / scale, ".", ms=4, color=colour, label=label)
         _draw_branches(axes, fit, record, constant, name, scale, colour)

@@ -41,7 +41,7 @@ from ancf_casadi.damping.law import SumOfLaws
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.figures import COMPUTED, MEASURED, Figure
-from ancf_casadi.support.tables import Cell, Table, known
+from ancf_casadi.support.tables import Cell, Table, finite_or_none
 from ancf_casadi.vibration.modes import Modes, natural_modes
 from problems.paper import table_04
 from problems.paper.air import Air, implied_drag_coefficient, viscous_damping_ratios
@@ -220,7 +220,7 @@ def drag_numbers(fit: CombinedLawFit, modes: Modes, air: Air) -> list[dict[str, 
 
 
 def _law_numbers(fit: CombinedLawFit, drag: float, drag_error: float) -> dict[str, Any]:
-    *ratio_errors, eta2_error = map(known, fit.errors.tolist())
+    *ratio_errors, eta2_error = map(finite_or_none, fit.errors.tolist())
     return {
         "linear_damping_ratios": list(fit.ratios),
         "linear_damping_ratio_stderr": ratio_errors,

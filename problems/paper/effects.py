@@ -48,7 +48,7 @@ from ancf_casadi.mechanics.nodes import NODE
 from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.support.arrays import Array, maxima
 from ancf_casadi.support.figures import Axes
-from ancf_casadi.support.tables import known
+from ancf_casadi.support.tables import finite_or_none
 from ancf_casadi.vibration.equilibrium import Equilibrium
 from ancf_casadi.vibration.modes import Modes, natural_modes
 from ancf_casadi.vibration.statics import static_equilibrium
@@ -137,11 +137,11 @@ def decay_numbers(law: QuadraticLaw, decay: SimulatedDecay, times: Sequence[floa
         "eta2_per_m": law.eta2,
         "start_amplitude_m": float(decay.tip[0]),
         "mode_2_at_the_start": decay.other_modes,
-        "time_to_a_tenth_s": known(decay.envelope.time_to(0.1)),
-        "time_to_a_tenth_by_formula_s": known(decay.formula.time_to(0.1)),
+        "time_to_a_tenth_s": finite_or_none(decay.envelope.time_to(0.1)),
+        "time_to_a_tenth_by_formula_s": finite_or_none(decay.formula.time_to(0.1)),
         "times_s": list(times),
-        "amplitude_m": list(map(known, decay.envelope.at(times))),
-        "amplitude_by_formula_m": list(map(known, decay.formula.at(times))),
+        "amplitude_m": list(map(finite_or_none, decay.envelope.at(times))),
+        "amplitude_by_formula_m": list(map(finite_or_none, decay.formula.at(times))),
         "steps": decay.steps,
     }
 

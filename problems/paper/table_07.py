@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.figures import Figure, plain_log_ticks
-from ancf_casadi.support.tables import Cell, Table, known
+from ancf_casadi.support.tables import Cell, Table, finite_or_none
 from problems.paper.effects import (
     QuadraticLaw,
     SimulatedDecay,
@@ -60,8 +60,8 @@ def ratio_change(compute: Compute) -> Finding:
                 "time_s": time.tolist(),
                 "damping_ratio": ratio.tolist(),
                 "damping_ratio_by_formula": by_formula.tolist(),
-                "crosses_the_first_law_at_s": known(on_beam),
-                "crosses_the_first_law_by_formula_at_s": known(in_formula),
+                "crosses_the_first_law_at_s": finite_or_none(on_beam),
+                "crosses_the_first_law_by_formula_at_s": finite_or_none(in_formula),
             }
             for law, (time, ratio, by_formula), (on_beam, in_formula) in zip(LAWS, ratios, crossings, strict=True)
         ],
@@ -77,7 +77,7 @@ def ratio_change(compute: Compute) -> Finding:
 
 def _crossing_table(crossings: Sequence[tuple[float, float]]) -> Table:
     rows: list[tuple[Cell, ...]] = [
-        (law.title, FREQUENCY, law.eta1, law.eta2, *map(known, times))
+        (law.title, FREQUENCY, law.eta1, law.eta2, *map(finite_or_none, times))
         for law, times in zip(LAWS, crossings, strict=True)
     ]
     heads = ("law", "frequency, Hz", "η1, 1/s", "η2, 1/m", "crosses the first, beam, s", "by Eq. (27), s")

@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from ancf_casadi.set_up import draw_set_up
+from ancf_casadi.beam_symbols import draw_symbols
 from ancf_casadi.support.figures import MEASURED, SERIES, literal_text, plain_log_ticks
 from ancf_casadi.vibration.statics import static_equilibrium
 from problems.planning.comparison import PlannedComparison
@@ -111,7 +111,7 @@ def _draw_places(axes: Axes, plan: Plan, name: str) -> None:
         return 1e3 * np.array([model.interpolation(point) @ equilibrium for point in points]).T
 
     axes.plot(*at(np.linspace(0.0, model.beam.length, 60)), color=MEASURED, lw=1.2)
-    draw_set_up(axes, model, equilibrium)
+    draw_symbols(axes, model, equilibrium)
     points = plan.over_places(name)[0]
     axes.plot(*at(points), "o", ms=4, mfc="white", color=MEASURED, label="possible")
     for count, size, (colour, _, _) in zip((2, 1), (9, 5), (SERIES[1], SERIES[0]), strict=True):

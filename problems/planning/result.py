@@ -16,7 +16,7 @@ from ancf_casadi.exceptions import FitError, InputError
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.inputs import check_instance, choice, physical, whole
-from ancf_casadi.support.tables import Reported, Table, counted, finite, known
+from ancf_casadi.support.tables import Reported, Table, counted, finite, finite_or_none
 from problems.planning.design import Design, ExpectedRecord, best_subset
 from problems.planning.record import Template
 
@@ -277,9 +277,9 @@ class Plan(Reported):
         """Return the standard errors from one record of each candidate alone, relative to the guess."""
         rows = []
         for name, cost in zip(self.names, self.costs, strict=True):
-            rows.append((name, cost, *map(known, self.relative(self.errors_of({name: 1})).values())))
+            rows.append((name, cost, *map(finite_or_none, self.relative(self.errors_of({name: 1})).values())))
         together = self.relative(self.errors_of(dict.fromkeys(self.names, 1)))
-        rows.append((TOGETHER, sum(self.costs), *map(known, together.values())))
+        rows.append((TOGETHER, sum(self.costs), *map(finite_or_none, together.values())))
         columns = ("candidate", "cost", *column_headings(self.unknowns))
         return Table("plan", "Expected standard errors from one record of each", columns, rows)
 

@@ -14,7 +14,7 @@ from ancf_casadi.damping.spec import LawSpec, sum_laws
 from ancf_casadi.export.model_document import Document, read_document
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.mechanics.spec import BeamSpec
-from ancf_casadi.support.inputs import located
+from ancf_casadi.support.inputs import error_prefix
 from ancf_casadi.support.specs import Spec, convert
 from ancf_casadi.vibration.modes import natural_modes
 from problems.spec.file import StudyFile, is_document
@@ -80,10 +80,10 @@ def read_beam(source: str | StudyFile) -> Document:
     table, where = file.needed("beam"), file.where("beam")
     if isinstance(table, dict) and "document" in table:
         name = convert(table, DocumentName, where).document
-        with located("" if is_document(file.path) else f"{where}: document"):
+        with error_prefix("" if is_document(file.path) else f"{where}: document"):
             return read_document(file.beside(name))
     spec = convert(table, BeamSpec, where)
-    with located(where):
+    with error_prefix(where):
         return Document(Model(spec.beam()))
 
 

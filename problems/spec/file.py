@@ -17,7 +17,7 @@ from ancf_casadi.records.layout import TableLayout
 from ancf_casadi.records.reading.formats import read_contents
 from ancf_casadi.support.files import read_bytes, read_toml
 from ancf_casadi.support.inputs import check_keys
-from ancf_casadi.support.specs import convert, keys_of
+from ancf_casadi.support.specs import convert, table_keys
 
 FILE_TABLES = set(
     "beam match damping base load release simulation response markers records frequencies predictions fit study steps"
@@ -27,8 +27,8 @@ FILE_TABLES = set(
 
 def convert_groups(table: Any, where: str, *kinds: Any, shared: Set[str] = frozenset()) -> Any:
     """Return a table as one object of each kind, whose keys stand side by side; refuse other keys but shared ones."""
-    check_keys(table, set(), {key for kind in kinds for key in keys_of(kind)} | shared, where)
-    return tuple(convert({key: table[key] for key in keys_of(kind) & table.keys()}, kind, where) for kind in kinds)
+    check_keys(table, set(), {key for kind in kinds for key in table_keys(kind)} | shared, where)
+    return tuple(convert({key: table[key] for key in table_keys(kind) & table.keys()}, kind, where) for kind in kinds)
 
 
 Recordings = dict[tuple[str, TableLayout], Recording]  # contents of files by path and layout

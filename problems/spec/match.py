@@ -63,7 +63,7 @@ class MatchTable(Spec, frozen=True, kw_only=True):
 
     def request(self) -> dict[str, Any]:
         """Return the arguments of ``match_frequencies`` after the beam."""
-        request = self.given()
+        request = self.set_fields()
         measured = {key: request.pop(key) for key in MODE_KEYS if key in request}
         request["targets"] = MeasuredModes(frequencies=self.targets, **measured) if measured else list(self.targets)
         if self.unknowns is not UNSET:

@@ -27,7 +27,7 @@ from ancf_casadi.records.sensor import Quantity, Sensor
 from ancf_casadi.reduction.reduced import ReducedModel, reduce_model
 from ancf_casadi.response.curve import ResponseCurve
 from ancf_casadi.response.tracing import CURVE_POINTS, MOST_CURVE_POINTS, frequency_response
-from ancf_casadi.support.inputs import located, physical, shown, unit_vector, whole
+from ancf_casadi.support.inputs import error_prefix, physical, shown, unit_vector, whole
 from ancf_casadi.support.specs import Pair, Positive, Spec, convert
 from ancf_casadi.vibration.equilibrium import Equilibrium
 from ancf_casadi.vibration.statics import static_equilibrium
@@ -157,8 +157,8 @@ def _load(file: StudyFile, table: Any, where: str) -> Maker:
         return _sampled(file, table, SampledLoad, LoadColumns, ("force", "force", "moment"), where)
     load = convert(table, LoadValues if "time" in keys else MovingForce if "speed" in keys else HarmonicLoad, where)
     if isinstance(load, LoadValues):
-        with located(where):
-            load = SampledLoad(**load.given())
+        with error_prefix(where):
+            load = SampledLoad(**load.set_fields())
     return lambda model: load
 
 
@@ -167,8 +167,8 @@ def _release(file: StudyFile, table: Any, where: str) -> Maker:
     release = convert(table, ReleaseSpec, where)
 
     def start(model: Model) -> Equilibrium:
-        with located(where):
-            return static_equilibrium(model, **release.given())
+        with error_prefix(where):
+            return static_equilibrium(model, **release.set_fields())
 
     return start
 
@@ -189,7 +189,7 @@ def _sampled(
         for name, quantity in zip(names, quantities, strict=True):
             if name in named:
                 unit, sensor = chosen.unit if quantity == quantities[0] else None, Sensor(quantity)
-                with located(f"{where}: {name}"):
+                with error_prefix(f"{where}: {name}"):
                     records[name] = Measurement.from_recording(recording, named[name], unit=unit, sensor=sensor)
         first, *following = records
         for name in following:
@@ -198,7 +198,7 @@ def _sampled(
                 raise InputError(message, f"{where}: {name}")
         time = records[first].time
         x, y, turning = (records[name].values if name in records else np.zeros(len(time)) for name in names)
-        with located(where):
+        with error_prefix(where):
             return kind(time, np.column_stack([x, y]), turning)
 
     return excitation
@@ -219,7 +219,7 @@ class SimulationTables(StepTables):
         """Convert the tables of a file."""
         file = StudyFile.of(source)
         beam, where = DampedBeam.of(file), file.where("simulation")
-        settings = convert(file.needed("simulation"), SimulationSpec, where).given()
+        settings = convert(file.needed("simulation"), SimulationSpec, where).set_fields()
         _check_size(settings, beam.model, where)
         if "start" in settings and "release" in file.tables:
             raise InputError("is given by the table [release]; leave it out", f"{where}: start")
@@ -239,7 +239,7 @@ class SimulationTables(StepTables):
 def _check_size(settings: Mapping[str, Any], model: Model, where: str) -> None:
     """Refuse a motion that would fill the memory."""
     rate = settings.get("sample_rate", 1000.0)  # 1/s, the default of ``simulate``
-    with located(where):
+    with error_prefix(where):
         samples = physical(settings["duration"], "duration") * physical(rate, "sample_rate")
     if 2 * 8 * model.size * samples > 5e8:  # bytes of the coordinates and velocities
         raise InputError(
@@ -259,7 +259,7 @@ def read_markers(file: StudyFile, model: Model) -> dict[str, float]:
                 f"a name must be made of letters and digits and differ from {', '.join(COLUMN_NAMES)}",
                 f"{where}: {shown(name)}",
             )
-        with located(f"{where}: {name}"):
+        with error_prefix(f"{where}: {name}"):
             model.element_at(point)
     return points
 

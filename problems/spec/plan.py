@@ -14,7 +14,7 @@ from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.mechanics.spec import ConfigurationSpec
 from ancf_casadi.records.sensor import Sensor
-from ancf_casadi.support.inputs import located, shown
+from ancf_casadi.support.inputs import error_prefix, shown
 from ancf_casadi.support.specs import Pair, Positive, Spec, convert
 from problems.planning.comparison import PlannedComparison, plan_comparison
 from problems.planning.experiments import plan
@@ -112,7 +112,7 @@ class PlanTables(StepTables):
                 raise InputError(f"must be a text that no other candidate has, got {shown(name)}", f"{where}: name")
             makers[name] = _candidate(file, candidate, beam.model, f"{where}: {name}")
         fit = convert(file.tables.get("fit", {}), FitSpec, file.where("fit"))
-        settings = {key: value for key, value in fit.given().items() if key in ("unknowns", "fixed", "priors")}
+        settings = {key: value for key, value in fit.set_fields().items() if key in ("unknowns", "fixed", "priors")}
         table = convert(file.tables.get("plan", {}), PlanSpec, file.where("plan"))
         return cls(file, beam, law_terms(file, fit, beam), makers, settings, table)
 
@@ -124,19 +124,19 @@ class PlanTables(StepTables):
     def planned(self) -> Plan:
         """Return the plan."""
         candidates = self.candidates
-        with located(self.file.where("fit")):
+        with error_prefix(self.file.where("fit")):
             return plan(self.model, candidates, self.damping, **self.settings)
 
     def compared(self) -> PlannedComparison:
         """Return the probabilities that the candidates tell the laws apart."""
         candidates, laws = self.candidates, sums_of_laws(self.beam, self.law_terms)
-        with located(self.file.where("fit")):
+        with error_prefix(self.file.where("fit")):
             return plan_comparison(self.model, candidates, laws, **self.settings)
 
     def chosen(self, planned: Plan) -> dict[str, Any]:
         """Return goal and budget, the best list with its standard errors, and the best shares, for JSON."""
         table = self.table
-        with located(self.file.where("plan")):
+        with error_prefix(self.file.where("plan")):
             best = planned.best(table.budget, table.goal, table.most_each)
             shares = planned.shares(table.budget, table.goal)
         errors = {"standard_errors": planned.errors_of(best), "shares": shares}
@@ -161,13 +161,13 @@ def _motion(file: StudyFile, table: Any, model: Model, where: str) -> Callable[[
     )
     other_model = configuration.other_model(model, where)
     sensors, std = _sensors(channels)
-    excitation_on = convert_motion(file, motion.given(), where)
+    excitation_on = convert_motion(file, motion.set_fields(), where)
 
     def record() -> PlannedRecord:
         arguments = excitation_on(other_model or model)
         for name in ("duration", "sample_rate", "release_time", "offset", "zero"):
             arguments[name] = getattr(motion, name)
-        with located(where):
+        with error_prefix(where):
             return PlannedRecord.motion(sensors, std=std, model=other_model, cost=candidate.cost, **arguments)
 
     return record
@@ -179,7 +179,7 @@ def _static(file: StudyFile, table: Any, model: Model, where: str) -> Callable[[
     )
     sensors, std = _sensors(channels)
     beam = configuration.other_model(model, where) or model
-    with located(where):
+    with error_prefix(where):
         loads = load_cases(static.loads)
         record = PlannedRecord.static(beam, loads, sensors, std=std, tared=static.tared, cost=candidate.cost)
     return lambda: record
@@ -190,7 +190,7 @@ def _frequencies(file: StudyFile, table: Any, model: Model, where: str) -> Calla
         table, where, CandidateSpec, ConfigurationSpec, PlannedFrequenciesSpec
     )
     beam = configuration.other_model(model, where) or model
-    with located(where):
+    with error_prefix(where):
         record = PlannedRecord.natural_frequencies(beam, planned.modes, std=planned.std, cost=candidate.cost)
     return lambda: record
 
@@ -199,9 +199,9 @@ def _curve(file: StudyFile, table: Any, model: Model, where: str) -> Callable[[]
     candidate, configuration, curve, sensor = convert_groups(
         table, where, CandidateSpec, ConfigurationSpec, PlannedCurveSpec, SensorSpec
     )
-    arguments = curve.given() | excitation(file, curve, where)
+    arguments = curve.set_fields() | excitation(file, curve, where)
     arguments |= {"model": configuration.other_model(model, where), "sensor": sensor.make("displacement", where)}
-    with located(where):
+    with error_prefix(where):
         record = PlannedRecord.response(cost=candidate.cost, **arguments)
     return lambda: record
 

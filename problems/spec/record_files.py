@@ -11,7 +11,7 @@ from ancf_casadi.records.layout import TableLayout
 from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.records.recording import with_times
 from ancf_casadi.records.sensor import Frame, Quantity, Sensor
-from ancf_casadi.support.inputs import located
+from ancf_casadi.support.inputs import error_prefix
 from ancf_casadi.support.specs import Pair, Positive, Spec
 from problems.spec.file import StudyFile
 
@@ -28,8 +28,8 @@ class RecordFile(Spec, frozen=True, kw_only=True):
 
     def contents(self, file: StudyFile, where: str) -> Recording:
         """Return the columns of the file, beside that of a study; it is opened once."""
-        with located(where):
-            return file.record_files.recording(str(file.beside(self.file)), TableLayout.of(self.given()))
+        with error_prefix(where):
+            return file.record_files.recording(str(file.beside(self.file)), TableLayout.of(self.set_fields()))
 
 
 class FileSpec(RecordFile, frozen=True, kw_only=True):
@@ -42,7 +42,7 @@ class FileSpec(RecordFile, frozen=True, kw_only=True):
     def recording(self, file: StudyFile, where: str) -> Recording:
         """Return the columns of the file with their times."""
         contents = self.contents(file, where)
-        with located(where):
+        with error_prefix(where):
             return with_times(contents, time=self.time, time_unit=self.time_unit, sample_rate=self.sample_rate)
 
 
@@ -57,7 +57,7 @@ class ColumnSpec(FileSpec, frozen=True, kw_only=True):
     def measurement(self, file: StudyFile, where: str, sensor: Sensor | None = None) -> Measurement:
         """Return the values over time."""
         recording = self.recording(file, where)
-        with located(where):
+        with error_prefix(where):
             record = Measurement.from_recording(recording, self.column, unit=self.unit, sensor=sensor)
             return record.cut(self.begin, self.end)
 
@@ -95,6 +95,6 @@ class SensorSpec(Spec, frozen=True):
 
     def make(self, quantity: Quantity, where: str) -> Sensor:
         """Return the sensor; ``quantity`` is what it measures if the table does not say."""
-        arguments = self.given()
-        with located(where):
+        arguments = self.set_fields()
+        with error_prefix(where):
             return Sensor(arguments.pop("sensor", quantity), **arguments)

@@ -26,8 +26,8 @@ from ancf_casadi.mechanics.loads import PointLoad
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.mechanics.spec import ConfigurationSpec
 from ancf_casadi.records.layout import LAYOUT_KEYS, TableLayout
-from ancf_casadi.support.inputs import check_keys, located, whole
-from ancf_casadi.support.specs import Pair, Positive, Spec, convert, keys_of
+from ancf_casadi.support.inputs import check_keys, error_prefix, whole
+from ancf_casadi.support.specs import Pair, Positive, Spec, convert, table_keys
 from problems.beam.curves.reading import ExcitationUnit
 from problems.beam.curves.record import Control, ResponseRecord, Sweep
 from problems.beam.motions.record import Camera, Channel, MotionRecord
@@ -111,7 +111,7 @@ class LoadSpec(Spec, frozen=True):
     def make(self) -> PointLoad:
         """Return the load."""
         if self.mass is UNSET:
-            return PointLoad(**self.given())
+            return PointLoad(**self.set_fields())
         if not (self.force is self.moment is self.follower is UNSET):
             raise InputError("give either a mass, or a force and a moment")
         return PointLoad.hung(self.mass, self.point)
@@ -212,7 +212,7 @@ class Measurements(StepTables):
         }
         predicted = tables.pop("predictions")
         fitted = [table for several in tables.values() for table in several]
-        settings = {key: value for key, value in fit.given().items() if key != "laws"}
+        settings = {key: value for key, value in fit.set_fields().items() if key != "laws"}
         return cls(file, beam, law_terms(file, fit, beam), fitted, predicted, settings)
 
     @cached_property
@@ -234,8 +234,8 @@ class Measurements(StepTables):
 def _frequencies(file: StudyFile, table: Any, model: Model, where: str) -> Callable[[], Record]:
     spec, configuration = convert_groups(table, where, FrequenciesSpec, ConfigurationSpec)
     beam = configuration.other_model(model, where) or model
-    with located(where):
-        record = FrequencyRecord(beam, **spec.given())
+    with error_prefix(where):
+        record = FrequencyRecord(beam, **spec.set_fields())
     return lambda: record
 
 
@@ -252,7 +252,7 @@ def _static(file: StudyFile, table: Any, model: Model, where: str) -> Callable[[
     values = np.column_stack([readings.values for (readings, _), _ in channels])
     std = np.column_stack([np.broadcast_to(readings.std, cases) for (readings, _), _ in channels])
     beam = configuration.other_model(model, where) or model
-    with located(where):
+    with error_prefix(where):
         loads = load_cases(spec.loads)
         record = StaticRecord(
             beam, loads, values, sensors, None if np.isnan(std).all() else std, tared=spec.tared, name=spec.name
@@ -264,7 +264,7 @@ def load_cases(loads: Sequence[LoadSpec | Sequence[LoadSpec]]) -> list[list[Poin
     """Return the loads of each case."""
     cases = []
     for k, case in enumerate(loads, start=1):
-        with located(f"loads: {k}"):
+        with error_prefix(f"loads: {k}"):
             cases.append([load.make() for load in (case if isinstance(case, Sequence) else [case])])
     return cases
 
@@ -281,23 +281,23 @@ def _curve(file: StudyFile, table: Any, model: Model | None, where: str) -> Call
     source, curve, sensor, *configurations = convert_groups(
         table, where, *kinds, *[ConfigurationSpec] * (model is not None)
     )
-    arguments = curve.given()
+    arguments = curve.set_fields()
     if model is not None:
         arguments |= excitation(file, curve, where)
         arguments["model"] = configurations[0].other_model(model, where)
-    if not in_file or keys_of(SensorSpec) & table.keys():
+    if not in_file or table_keys(SensorSpec) & table.keys():
         arguments["sensor"] = sensor.make("displacement", where)
     if not in_file:
-        with located(where):
-            record = ResponseRecord(**source.given(), **arguments)
+        with error_prefix(where):
+            record = ResponseRecord(**source.set_fields(), **arguments)
         return lambda: record
     if model is None:
         arguments.setdefault("excitation_unit", "")
-    columns = {key: value for key, value in source.given().items() if key not in (*LAYOUT_KEYS, "file")}
+    columns = {key: value for key, value in source.set_fields().items() if key not in (*LAYOUT_KEYS, "file")}
 
     def read() -> ResponseRecord:
-        contents, layout = source.contents(file, where), TableLayout.of(source.given())
-        with located(where):
+        contents, layout = source.contents(file, where), TableLayout.of(source.set_fields())
+        with error_prefix(where):
             return ResponseRecord.from_file(contents, layout=layout, **columns, **arguments)
 
     return read
@@ -322,7 +322,7 @@ def law_terms(file: StudyFile, fit: FitSpec, beam: DampedBeam) -> tuple[tuple[in
     count = len(beam.terms)
     if fit.laws is UNSET:
         return (*((k,) for k in range(count) if count > 1), tuple(range(count)))
-    with located(file.where("fit")):
+    with error_prefix(file.where("fit")):
         return tuple(tuple(whole(number, "laws", 1, count) - 1 for number in numbers) for numbers in fit.laws)
 
 
@@ -336,7 +336,7 @@ def channel_groups(
     table: Any, where: str, kinds: Sequence[Any], channel_kinds: Sequence[Any]
 ) -> tuple[Any, list[tuple[Any, str]]]:
     """Return a table as an object of each kind, and its channels with their places; a key beside them holds for all."""
-    keys = {key for kind in channel_kinds for key in keys_of(kind)}
+    keys = {key for kind in channel_kinds for key in table_keys(kind)}
     objects = convert_groups(table, where, *kinds, shared=keys)
     shared = {key: table[key] for key in keys & table.keys()}
     listed = [channel for group in objects for channel in getattr(group, "channels", ())]
@@ -358,17 +358,17 @@ def _motion(file: StudyFile, table: Any, model: Model, where: str) -> Callable[[
     if motion.release is not UNSET and motion.start is not UNSET:
         raise InputError("is given by the release; leave it out", f"{where}: start")
     other_model = configuration.other_model(model, where)
-    excitation_on = convert_motion(file, motion.given(), where)
+    excitation_on = convert_motion(file, motion.set_fields(), where)
     camera = None if motion.camera is UNSET else convert(motion.camera, Camera, f"{where}: camera")
 
     def read() -> MotionRecord:
         measured = []
         for ((channel, _), place), sensor in zip(channels, sensors, strict=True):
             record = channel.measurement(file, place, sensor)
-            with located(place):
+            with error_prefix(place):
                 measured.append(Channel(record, channel.std, channel.offset, channel.zero))
         arguments = excitation_on(other_model or model)
-        with located(where):
+        with error_prefix(where):
             return MotionRecord(
                 measured,
                 model=other_model,

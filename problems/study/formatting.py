@@ -10,7 +10,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import replace
 
-from ancf_casadi.support.tables import Cell, Table, known
+from ancf_casadi.support.tables import Cell, Table, finite_or_none
 
 
 def formatted_table(table: Table) -> Table:
@@ -32,7 +32,7 @@ def numeric_table(table: Table) -> Table:
         quantity, _, unit = head.rpartition(", ")
         columns.append((f"{quantity} ({unit})" if quantity else head, values))
         if errors := table.errors.get(head):
-            columns.append(("standard error", [None if error is None else known(error) for error in errors]))
+            columns.append(("standard error", [None if error is None else finite_or_none(error) for error in errors]))
         if printed := table.printed.get(head):
             columns.append((table.source, printed))
     return _with_columns(table, columns)

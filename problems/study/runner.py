@@ -21,7 +21,7 @@ from tqdm import tqdm
 from ancf_casadi.exceptions import NumericsError
 from ancf_casadi.mechanics.beam import Beam
 from ancf_casadi.mechanics.spec import BeamSpec
-from ancf_casadi.support.parallel import COUNT_BAR, processes, unbroken
+from ancf_casadi.support.parallel import COUNT_BAR, executor_errors, processes
 from problems.study.compute import SUFFIX, Compute, Store, ThisThread, decoded, encoded, wait_for
 from problems.study.step import Finding, Step
 
@@ -63,7 +63,7 @@ def run_steps(
         return replace(finding, name=step.name, times=compute.times, figures=tuple(figures))
 
     with contextlib.ExitStack() as stack:
-        stack.enter_context(unbroken())
+        stack.enter_context(executor_errors())
         bar: Any = stack.enter_context(tqdm(total=0, disable=not progress, bar_format=COUNT_BAR, desc="study"))
         threads: Executor = ThisThread() if executor is None and jobs == 1 else ThreadPoolExecutor(MOST_THREADS)
         workers = cache(lambda: executor or (stack.enter_context(processes(jobs)) if jobs > 1 else threads))

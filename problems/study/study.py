@@ -152,7 +152,7 @@ def run_study(
     (0.228181, 'report.html')
     """
     check_path(path, "path")
-    study = read_study(path, instances(steps, "steps", str, least=0))
+    study = read_study(path, instances(steps, "steps", str, minimum=0))
     return write_study(
         study, out, keep_others=bool(steps), quick=quick, executor=executor, jobs=jobs, progress=progress,
         command=command,

@@ -40,7 +40,7 @@ from ancf_casadi import (
 )
 from ancf_casadi.damping import SumOfLaws
 from ancf_casadi.export import DataFile, Document, Identification, Provenance, read_document, schema, write_document
-from ancf_casadi.support.files import MOST_BYTES, MOST_LEVELS
+from ancf_casadi.support.files import MAX_BYTES, MAX_LEVELS
 from problems import fit_decay
 
 WRITTEN = "2025-01-31T12:00:00Z"
@@ -396,14 +396,14 @@ class TestRefusals:
         assert refused(tmp_path, b"\xff\xfe{}").startswith("is not JSON")
         assert refused(tmp_path, "[1, 2]") == "must hold a JSON object"
         assert refused(tmp_path, "{}").startswith("$.format: must be")
-        deep = f'{{"a": {"[" * MOST_LEVELS}{"]" * MOST_LEVELS}}}'
-        assert f"has more than {MOST_LEVELS} levels" in refused(tmp_path, deep)
-        assert refused(tmp_path, '{"a": ' + "[" * 100_000) == f"has more than {MOST_LEVELS} levels"
+        deep = f'{{"a": {"[" * MAX_LEVELS}{"]" * MAX_LEVELS}}}'
+        assert f"has more than {MAX_LEVELS} levels" in refused(tmp_path, deep)
+        assert refused(tmp_path, '{"a": ' + "[" * 100_000) == f"has more than {MAX_LEVELS} levels"
 
     def test_a_file_that_is_too_large(self, tmp_path):
         path = tmp_path / "large.json"
         with open(path, "wb") as file:
-            os.truncate(file.fileno(), MOST_BYTES + 1)
+            os.truncate(file.fileno(), MAX_BYTES + 1)
         with pytest.raises(InputError, match="larger than 64 MiB"):
             read_document(path)
 

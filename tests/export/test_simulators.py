@@ -22,8 +22,8 @@ from ancf_casadi import (
     static_equilibrium,
 )
 from ancf_casadi.export import write_exudyn, write_mujoco, write_newton, write_pyelastica
-from ancf_casadi.export.simulators.segments import poles, segmented, step_matrix
-from ancf_casadi.export.simulators.settings import dampers
+from ancf_casadi.export.simulators.segments import divide_beam, poles, step_matrix
+from ancf_casadi.export.simulators.settings import damping_coefficients
 from problems import fit_decay, fit_modes
 from problems.cli import main
 
@@ -34,7 +34,7 @@ def test_segments_keep_mass_and_inertia(paper_beam):
     """A beam of varying thickness and a mass on it: mass, first and second moment about the clamp."""
     thickness = np.linspace(0.7e-3, 0.4e-3, 7).tolist()
     beam = paper_beam(7, thickness=thickness, attachments=[PointMass(0.31, 3e-3, 1e-7)])
-    found = segmented(beam, 11)
+    found = divide_beam(beam, 11)
     ends, nodes = np.arange(11) * found.length, beam.node_points
     density = 8000.0 * 5e-3 * np.array(thickness)
     for power in range(3):
@@ -42,7 +42,7 @@ def test_segments_keep_mass_and_inertia(paper_beam):
         places = ends + found.centres
         own = found.masses @ places**power + (found.inertias.sum() if power == 2 else 0.0)
         assert own == pytest.approx(exact, rel=1e-12)
-    ((segment, distance, _),) = found.carried
+    ((segment, distance, _),) = found.point_masses
     assert segment * found.length + distance == pytest.approx(0.31)
 
 
@@ -50,7 +50,7 @@ def test_the_frequencies_of_segments_converge_to_those_of_a_cantilever(paper_bea
     beam = paper_beam(gravity=(0.0, 0.0))
     unit = math.sqrt(bending_stiffness(beam) / (beam.mass / 0.5)) / 0.5**2
     exact = np.array([1.8751040687, 4.6940911330, 7.8547574382]) ** 2 * unit
-    errors = [np.abs(segmented(beam, n).discrete().modes(3)[0] / exact - 1.0).max() for n in (12, 24)]
+    errors = [np.abs(divide_beam(beam, n).small_motion().modes(3)[0] / exact - 1.0).max() for n in (12, 24)]
     assert errors[0] < 7e-3  # 1.8e-2 with half a segment behind the clamp
     assert errors[1] < errors[0] / 3.5
 
@@ -63,9 +63,9 @@ def test_the_frequencies_of_segments_converge_to_those_of_a_cantilever(paper_bea
 ])  # fmt: skip
 def test_segments_rest_and_vibrate_like_the_beam(paper_beam, changes):
     model = Model(paper_beam(**changes))
-    beam = segmented(model.beam, 40)
-    small = beam.discrete()
-    angles = small.rest
+    beam = divide_beam(model.beam, 40)
+    small = beam.small_motion()
+    angles = small.equilibrium
     tip = np.array(beam.origin) + beam.length * np.array([np.cos(angles).sum(), np.sin(angles).sum()])
     assert tip == pytest.approx(static_equilibrium(model).tip, abs=2e-4 * 0.5)
     assert small.modes(3)[0] / (2 * math.pi) == pytest.approx(natural_modes(model, count=3).frequencies, rel=1e-3)
@@ -84,7 +84,7 @@ def test_poles_of_a_step_are_those_of_the_closed_form():
 
 def test_modal_damping_becomes_rates_that_meet_mode_1(hanging):
     modes = natural_modes(hanging, count=3)
-    found = dampers([ModalDamping(modes, (0.01, 0.0028, 0.0028))], modes, 0.01)
+    found = damping_coefficients([ModalDamping(modes, (0.01, 0.0028, 0.0028))], modes, 0.01)
     ratios = RayleighDamping(found.alpha, found.beta).damping_ratios(modes, [0.0] * 3)
     assert ratios[0] == pytest.approx(0.01, rel=1e-9)
     assert ratios[1:] == pytest.approx([0.0028, 0.0028], rel=0.12)

@@ -21,7 +21,7 @@ from ancf_casadi import (
     static_equilibrium,
 )
 from ancf_casadi.damping import FRICTION_CONSTANT
-from ancf_casadi.plot import rendered
+from ancf_casadi.plot import figure_bytes
 from ancf_casadi.vibration.statics import primary_equilibrium
 
 
@@ -189,7 +189,7 @@ def test_the_result_is_reported_drawn_and_written(hanging):
     figure = frf.figure()
     above, below = figure.axes
     assert len(above.lines) == len(below.lines) == 2
-    assert above.get_ylabel() == "mobility, m/(N s)" and rendered(figure).startswith(b"\x89PNG")
+    assert above.get_ylabel() == "mobility, m/(N s)" and figure_bytes(figure).startswith(b"\x89PNG")
 
 
 @pytest.mark.parametrize(

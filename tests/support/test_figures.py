@@ -5,9 +5,9 @@ import pytest
 from matplotlib.figure import Figure
 
 from ancf_casadi.estimation.figures import criteria_figure, scatter_figure
-from ancf_casadi.plot import rendered
+from ancf_casadi.plot import figure_bytes
 from ancf_casadi.records.figures import record_figure, spectra_figure
-from ancf_casadi.support.figures import literal_text, prefixed
+from ancf_casadi.support.figures import literal_text, si_prefix
 
 FORMULA = r"$\undefined$, $5"
 TIME = np.arange(50) / 50
@@ -33,7 +33,7 @@ def test_a_name_is_drawn_as_it_was_written(kind, drawn):
     """Halves of characters and control characters, which no font has, become a replacement character."""
     name = NAMES[kind]
     figure = DRAWN[drawn](name)
-    assert rendered(figure, ".png").startswith(b"\x89PNG")
+    assert figure_bytes(figure, ".png").startswith(b"\x89PNG")
     shown = name.replace("\udcff\x00\x1b", "\ufffd" * 3).replace("\t", " ")
     assert [label for label in labels(figure) if shown in label]
 
@@ -82,5 +82,5 @@ def test_a_figure_that_passes_twice_is_the_same():
     ],
 )
 def test_a_value_is_between_1_and_1000_in_the_unit_with_its_prefix(largest, unit, expected):
-    size, name = prefixed(largest, unit)
+    size, name = si_prefix(largest, unit)
     assert (pytest.approx(size), name) == expected

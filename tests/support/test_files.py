@@ -10,7 +10,7 @@ from ancf_casadi import read_recording
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.export import DataFile, load_functions, read_document
 from ancf_casadi.mechanics.beam import Beam
-from ancf_casadi.support.files import check_file, check_folder, opened, read_toml
+from ancf_casadi.support.files import check_file, check_folder, open_file, read_toml
 
 READERS = (read_recording, Beam.from_toml, read_document, load_functions, DataFile.of)
 
@@ -58,7 +58,7 @@ def test_a_path_is_a_text(use, path):
 def test_a_link_to_a_file_is_read(tmp_path):
     (tmp_path / "file").write_text("content")
     (tmp_path / "link").symlink_to("file")
-    with opened(tmp_path / "link", most=7) as file:
+    with open_file(tmp_path / "link", limit=7) as file:
         assert file.read() == b"content"
 
 

@@ -17,7 +17,7 @@ import pytest
 
 from ancf_casadi import InputError
 from ancf_casadi.support.files import check_file, check_folder, write_file, write_files
-from ancf_casadi.support.tables import Displayed, Table, counted, spread, to_json, wrapped
+from ancf_casadi.support.tables import Displayed, Table, counted, spread, to_json, wrap_report
 
 TABLE = Table(
     "one",
@@ -41,7 +41,7 @@ class TestTable:
 
     def test_a_report_is_folded_but_for_rows(self):
         rows = Table("one", "A table", ("name", "value"), [("x" * 60 + " " + "y" * 60, 1.5)], ("word " * 30,)).text()
-        lines = wrapped(rows).splitlines()
+        lines = wrap_report(rows).splitlines()
         assert lines[:5] == rows.splitlines()[:5] and len(lines[4]) > 120
         assert [line.split() for line in lines[5:]] == [["word"] * 19, ["word"] * 11]
 

@@ -19,7 +19,7 @@ from ancf_casadi import (
     equilibrium_path,
     natural_modes,
 )
-from ancf_casadi.plot import rendered
+from ancf_casadi.plot import figure_bytes
 from tests.boundary.cases import REFERENCES
 from tests.boundary.statics import FEET, RISE, section_of
 
@@ -293,7 +293,7 @@ def test_a_path_shows_as_text_plain_data_and_a_figure(snap, buckled):
     assert [point["kind"] for point in data["critical_points"]] == ["limit", "limit"]
     straight, (left, right) = buckled
     figure = left.figure(right, straight, labels=["left", "right", "straight"])
-    assert rendered(figure)[:4] == b"\x89PNG"
+    assert figure_bytes(figure)[:4] == b"\x89PNG"
     (axes,) = figure.axes
     assert axes.get_xlabel() == "y displacement of the point at 1 m, mm"
 

@@ -30,7 +30,7 @@ from ancf_casadi.exceptions import AncfError, InputError
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.mechanics.state import State
 from ancf_casadi.support.arrays import Array
-from ancf_casadi.support.callbacks import kept
+from ancf_casadi.support.callbacks import callback_function
 from ancf_casadi.support.inputs import flag, physical, positive, positive_or_infinite
 from ancf_casadi.support.interrupts import interrupted
 from ancf_casadi.support.progress import count_step
@@ -139,7 +139,7 @@ class Runs:
         shapes = {"properties": model.properties.shape}
         inputs = [cs.MX.sym(name, *shapes.get(name, (sizes[name], 1))) for name in names]
         rows, columns = problem.orders * len(problem.maps[0]), problem.times.size
-        run = kept(_Motion(self, problem.layout.size, rows * columns), "run")
+        run = callback_function(_Motion(self, problem.layout.size, rows * columns), "run")
         samples = cs.reshape(run(cs.vertcat(*map(cs.vec, inputs))), rows, columns)
         return cs.Function("motion", inputs, [samples], names, ["coordinates"], {"never_inline": True})
 
@@ -232,10 +232,10 @@ class _Motion(cs.Callback):
         return not self._count
 
     def get_forward(self, nfwd: int, name: str, inames: Any, onames: Any, opts: Any) -> cs.Function:
-        return kept(_Motion(self._runs, *self._sizes, nfwd), name)
+        return callback_function(_Motion(self._runs, *self._sizes, nfwd), name)
 
     def has_reverse(self, nadj: int) -> bool:
         return not self._count
 
     def get_reverse(self, nadj: int, name: str, inames: Any, onames: Any, opts: Any) -> cs.Function:
-        return kept(_Motion(self._runs, *self._sizes, nadj, forward=False), name)
+        return callback_function(_Motion(self._runs, *self._sizes, nadj, forward=False), name)

@@ -285,7 +285,7 @@ class Tangent:
 
     def adjoint_product(self, step: RadauStep, factors: BandedFactors, parameters: Array, weights: Array) -> Array:
         """Return -R_u^T G^-T w for weights w of the increments, (3 N, d)."""
-        residuals = -factors.solve_transposed(weights[self.inverse_order])[self.order]
+        residuals = -factors.solve_transpose(weights[self.inverse_order])[self.order]
         bound, columns = self._reverse.at(step, parameters), []
         for column in residuals.T:
             bound.vectors[0] = column

@@ -50,7 +50,7 @@ from ancf_casadi.exceptions import InputError
 from ancf_casadi.support.arrays import Array, Index, Mask
 from ancf_casadi.support.figures import Figure
 from ancf_casadi.support.inputs import whole
-from ancf_casadi.support.optional import installed
+from ancf_casadi.support.optional import find_module
 from ancf_casadi.support.parallel import run_all
 
 WARM_UP = 300  # steps of a chain before its draws, in which nutpie adapts
@@ -78,7 +78,7 @@ def sampled(
     """Return samples of quantities, with names and units, as an InferenceData; see ``LeastSquaresResult.sample``."""
     draws, chains, seed = whole(draws, "draws", 4), whole(chains, "chains", 1), whole(seed, "seed", 0)
     for module in ("nutpie", "arviz"):
-        installed(module, "sampling needs it", "nutpie 'arviz<1'")
+        find_module(module, "sampling needs it", "nutpie 'arviz<1'")
     expansion = density if density.solution is None else expanded(density)
     seeds = np.random.SeedSequence(seed).spawn(chains)
     tasks = [partial(_chain, density, expansion, draws, child) for child in seeds]

@@ -7,8 +7,8 @@
     modal           one damping matrix over all nodes, B diag(2 zeta omega) B^T with B = M Phi
     point mass      an ``ObjectGenericODE2`` at its node
 
-The integrator is generalised alpha with a spectral radius of 0.6.  About rest, with v = q_t and accelerations a that
-satisfy the equation of motion, it computes an auxiliary acceleration w and (Chung and Hulbert)
+The integrator is generalised alpha with a spectral radius of 0.6.  About equilibrium, with v = q_t and accelerations a
+that satisfy the equation of motion, it computes an auxiliary acceleration w and (Chung and Hulbert)
 
     (1 - am) w' + am w = (1 - af) a' + af a,
     q' = q + h v + h^2 ((1/2 - b) w + b w'),    v' = v + h ((1 - g) w + g w').
@@ -31,7 +31,14 @@ import scipy.linalg
 
 from ancf_casadi.damping import DampingLaw, ModalDamping, QuadraticDamping, RayleighDamping, SumOfLaws
 from ancf_casadi.exceptions import InputError
-from ancf_casadi.export.simulators.settings import ExportedBeam, dampers, prepared, same_speed, settled, terms_of
+from ancf_casadi.export.simulators.settings import (
+    ExportedBeam,
+    check_request,
+    damping_coefficients,
+    equal_speed_amplitudes,
+    law_terms,
+    write_with_longest_step,
+)
 from ancf_casadi.mechanics.attachments import PointMass
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.mechanics.nodes import NODE
@@ -78,45 +85,49 @@ def write_exudyn(
     >>> found.segments, found.step
     (8, 0.0005)
     """
-    given = prepared("exudyn.py.jinja", model, path, damping, None, tolerance, amplitude)
-    beam, modes = model.beam, given.modes
+    request = check_request("exudyn.py.jinja", model, path, damping, None, tolerance, amplitude)
+    beam, modes = model.beam, request.modes
     if not (isinstance(beam.supports[0], Clamp) and math.isinf(beam.supports[0].stiffness)):
         raise InputError("must be a rigid clamp, to be written for exudyn", "supports")
-    if any(not isinstance(one, PointMass) for one in beam.attachments) or model.measures != StrainMeasures():
+    masses_only = all(isinstance(attachment, PointMass) for attachment in beam.attachments)
+    if not masses_only or model.measures != StrainMeasures():
         raise InputError("has springs, dashpots or strain measures that cannot be written for exudyn", "model")
-    terms = terms_of(given.damping)
+    terms = law_terms(request.damping)
     modal = [term for term in terms if isinstance(term, ModalDamping)]
-    law = dampers((term for term in terms if term not in modal), modes, given.amplitude)
-    same = RayleighDamping(law.alpha, law.beta), QuadraticDamping(law.eta1, law.eta2), *modal
-    ratios = SumOfLaws(same).damping_ratios(modes, same_speed(modes, given.amplitude))
+    coefficients = damping_coefficients((term for term in terms if term not in modal), modes, request.amplitude)
+    rayleigh = RayleighDamping(coefficients.alpha, coefficients.beta)
+    written_law = SumOfLaws((rayleigh, QuadraticDamping(coefficients.eta1, coefficients.eta2), *modal))
+    ratios = written_law.damping_ratios(modes, equal_speed_amplitudes(modes, request.amplitude))
 
-    def matrix(mode: int, step: float) -> Array:
-        pairs = zip(2 * math.pi * modes.frequencies, ratios, strict=True)
-        return np.asarray(scipy.linalg.block_diag(*(_generalised_alpha(*pair, step) for pair in pairs)))
+    def transition_matrix(mode: int, step: float) -> Array:
+        blocks = map(_generalised_alpha, modes.angular_frequencies, ratios, [step] * modes.count)
+        return np.asarray(scipy.linalg.block_diag(*blocks))
 
-    values = _values(modes, modal, given.amplitude)
-    return settled(given, law, beam.elements, modes.frequencies, float(ratios[0]), matrix, **values)
+    values = _template_values(modes, modal, request.amplitude)
+    return write_with_longest_step(
+        request, coefficients, beam.elements, modes.frequencies, float(ratios[0]), transition_matrix, **values
+    )
 
 
-def _values(modes: Modes, modal: Sequence[ModalDamping], amplitude: float) -> dict[str, Any]:
+def _template_values(modes: Modes, modal: Sequence[ModalDamping], amplitude: float) -> dict[str, Any]:
     """Return the numbers that the script needs."""
     model = modes.model
     beam, start = model.beam, NODE * model.root
-    pull = modes.angular_frequencies[0] ** 2 * amplitude  # inertia in mode 1 per mass
-    middles = (beam.node_points[:-1] + beam.node_points[1:]) / 2
+    inertia_force = modes.angular_frequencies[0] ** 2 * amplitude  # in mode 1, per mass and unit shape
+    midpoints = (beam.node_points[:-1] + beam.node_points[1:]) / 2
     modulus = np.array(beam.elastic_modulus)
     masses = [
         [
-            (model.nodes_of(one.point)[0] - start) // NODE,
-            one.mass,
-            one.rotary_inertia,
-            *pull * modes.along([one.point])[0, 0],
+            (model.nodes_of(attachment.point)[0] - start) // NODE,
+            attachment.mass,
+            attachment.rotary_inertia,
+            *inertia_force * modes.along([attachment.point])[0, 0],
         ]
-        for one in beam.attachments
-        if isinstance(one, PointMass)
+        for attachment in beam.attachments
+        if isinstance(attachment, PointMass)
     ]
-    projections = [np.zeros((model.size, 0)), *(one.projection(model) for one in modal)]
-    rates = [4 * math.pi * np.array(one.ratios) * np.array(one.frequencies) for one in modal]
+    projections = [np.zeros((model.size, 0)), *(law.projection(model) for law in modal)]
+    modal_rates = [4 * math.pi * np.array(law.ratios) * np.array(law.frequencies) for law in modal]
     return {
         "beam": beam,
         "masses": masses,
@@ -128,15 +139,15 @@ def _values(modes: Modes, modal: Sequence[ModalDamping], amplitude: float) -> di
             [np.outer(beam.node_points, beam.axis), np.tile(beam.axis, (beam.elements + 1, 1))]
         ),
         "rest": modes.equilibrium.coordinates[start:].reshape(-1, NODE),
-        "pull": pull * modes.along(middles)[0],
+        "pull": inertia_force * modes.along(midpoints)[0],
         "projection": np.hstack(projections)[start:],
-        "rates": np.concatenate([np.zeros(0), *rates]),
+        "rates": np.concatenate([np.zeros(0), *modal_rates]),
         "radius": SPECTRAL_RADIUS,
     }
 
 
 def _generalised_alpha(omega: float, ratio: float, step: float) -> Array:
-    """Return the matrix of one step for (q, v, w) of a mode."""
+    """Return the matrix of one step for (q, v, w) of a mode with a damping ratio."""
     rho = SPECTRAL_RADIUS
     am, af = (2 * rho - 1) / (rho + 1), rho / (rho + 1)
     g = 0.5 + af - am

@@ -2,13 +2,13 @@
 
     joints          a spring k_j and a damper beta k_j, no armature: the segments have all of the inertia
     bodies          the mass and the inertia of a segment, whose equivalent box is its part of the beam
-    viscosity       a rate on mass: 6 pi v r per body, r the mean of the half sides of its box, 8 pi v r^3 for turns
-    density         drag: rho/2 per area of the box and speed squared, in each direction of the box by itself
+    viscosity       damping of mass: 6 pi v r per body, r the mean of the half sides of its box, 8 pi v r^3 for turns
+    density         drag: rho/2 per area of the box and speed squared, separately for each direction of the box
     integrator      implicitfast: steps that are explicit in stiffness and implicit in damping
 
-The viscosity and the density are one number each for the whole model; they are chosen so that mode 1 of the chain loses
-the energy that it loses under the law, and, beside point masses, on which the viscosity does not act, the dampers of
-the joints so that further modal ratios are met.  MuJoCo's x and z are x and y here.
+The viscosity and the density are one number each for the whole model.  They are chosen so that mode 1 of the chain
+dissipates as much energy as under the law.  The viscosity does not act on point masses; if there are any, the dampers
+of the joints are chosen so that further modal ratios are met.  MuJoCo's x and z are x and y here.
 
 References
 ----------
@@ -25,105 +25,113 @@ import numpy as np
 
 from ancf_casadi.damping import DampingLaw, ModalDamping
 from ancf_casadi.exceptions import InputError
-from ancf_casadi.export.simulators.settings import COMPARED, ExportedBeam, Segmented, meeting_first, terms_of, written
+from ancf_casadi.export.simulators.settings import (
+    COMPARED_MODES,
+    ExportedBeam,
+    SimulatorBeam,
+    law_terms,
+    match_first_ratio,
+    write_segments,
+)
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.support.arrays import Array
 
-POINT = 1e-12  # kg m^2; inertia of a point mass
-LEAST_INERTIA = 1e-15  # kg or kg m^2, that MuJoCo takes
+MIN_POINT_INERTIA = 1e-12  # of a point mass, kg m^2
+MIN_INERTIA = 1e-15  # of a body in MuJoCo, kg or kg m^2
 
 
-class HingedChain(Segmented):
+class HingedChain(SimulatorBeam):
     """The chain in MuJoCo."""
 
     @cached_property
     def bodies(self) -> tuple[Array, Array]:
-        """Masses (p,) and principal inertias (p, 3) along, out of and across the beam, in the order of the places."""
+        """Masses (p,) and principal inertias (p, 3) about the axes along, out of and across the beam."""
         beam, masses, inertias = self.beam, [], []
         for k in range(beam.count):
-            b, h = beam.widths[k], beam.thicknesses[k]
-            turn, m = beam.inertias[k], beam.masses[k]
-            masses.append(m)
-            inertias.append((m * (b**2 + h**2) / 12, turn, turn + m * (b**2 - h**2) / 12))
-            carried = [one for segment, _, one in beam.carried if segment == k]
-            masses += [one.mass for one in carried]
-            inertias += [(max(one.rotary_inertia, POINT),) * 3 for one in carried]
-        if min(*masses, *np.ravel(inertias)) < LEAST_INERTIA:
+            width, thickness = beam.widths[k], beam.thicknesses[k]
+            inertia, mass = beam.inertias[k], beam.masses[k]
+            masses.append(mass)
+            across, through = mass * width**2 / 12, mass * thickness**2 / 12
+            inertias.append((across + through, inertia, inertia + across - through))
+            point_masses = [point_mass for segment, _, point_mass in beam.point_masses if segment == k]
+            masses += [point_mass.mass for point_mass in point_masses]
+            inertias += [(max(point_mass.rotary_inertia, MIN_POINT_INERTIA),) * 3 for point_mass in point_masses]
+        if min(*masses, *np.ravel(inertias)) < MIN_INERTIA:
             message = "is so small that its segments have less mass or inertia than mujoco takes, 1e-15"
             raise InputError(message, "model")
         return np.array(masses), np.array(inertias)
 
     @property
     def key_frames(self) -> dict[str, Array]:
-        """Angles of the hinges at rest, and deflected in mode 1, less those without moment."""
-        beam, rest, shapes = self.beam, self.discrete.rest, self.modes[1]
-        angles = {"rest": rest, "release": rest + self.given.amplitude * shapes[:, 0]}
-        return {name: np.diff(own, prepend=beam.axis) - beam.natural for name, own in angles.items()}
+        """Joint positions in equilibrium and deflected in mode 1; they are 0 without moment."""
+        beam, equilibrium, shapes = self.beam, self.small_motion.equilibrium, self.modes[1]
+        frames = {"rest": equilibrium, "release": equilibrium + self.request.amplitude * shapes[:, 0]}
+        return {name: np.diff(angles, prepend=beam.axis) - beam.natural_angles for name, angles in frames.items()}
 
     @cached_property
     def sides(self) -> Array:
         """Half sides (p, 3) of the equivalent boxes, m."""
         masses, inertias = self.bodies
-        others = inertias.sum(axis=1)[:, None] - 2 * inertias
-        return np.asarray(np.sqrt(np.maximum(others, 0.0) * 1.5 / masses[:, None]))
+        squares = inertias.sum(axis=1)[:, None] - 2 * inertias
+        return np.asarray(np.sqrt(np.maximum(squares, 0.0) * 1.5 / masses[:, None]))
 
     @cached_property
     def rates(self) -> tuple[float, float]:
-        """Viscosity, kg/(m s), and damping of the joints per stiffness, s, for the rates of the law.
+        """Viscosity, kg/(m s), and damping of the joints per stiffness, s, with the linear damping of mode 1.
 
-        They meet mode 1.  Viscosity does not act on point masses: beside these, the joints meet further modal ratios.
+        If there are point masses, on which viscosity does not act, the joints meet further modal ratios.
         """
-        line = self.discrete.inertias * self._along_beam
-        rates = self.discrete.damping(self.law.alpha * self.discrete.inertias + self.law.eta1 * line)
-        viscous = self._damping(1.0, 0.0, 0.0, 0)
-        stated = [len(term.ratios) for term in terms_of(self.given.damping) if isinstance(term, ModalDamping)]
-        count = min(max(stated, default=1), COMPARED)
-        if count == 1 or not self.beam.carried:
-            return self.discrete.ratio(rates, 0) / self.discrete.ratio(viscous, 0), self.law.beta
-        joints = self._damping(0.0, 0.0, 1.0, 0)
-        compared = (rates + self.law.beta * joints, viscous, joints)
-        return meeting_first(
-            *(np.array([self.discrete.ratio(damping, k) for k in range(count)]) for damping in compared)
-        )
+        motion, coefficients = self.small_motion, self.coefficients
+        eta1 = coefficients.eta1 * self._along_beam
+        law_damping = motion.damping((coefficients.alpha + eta1) * motion.inertias)
+        viscous_damping = self._damping(1.0, 0.0, 0.0, 0)
+        ratio_counts = [len(term.ratios) for term in law_terms(self.request.damping) if isinstance(term, ModalDamping)]
+        count = min(max(ratio_counts, default=1), COMPARED_MODES)
+        if count == 1 or not self.beam.point_masses:
+            return motion.ratio(law_damping, 0) / motion.ratio(viscous_damping, 0), coefficients.beta
+        joint_damping = self._damping(0.0, 0.0, 1.0, 0)
+        dampings = law_damping + coefficients.beta * joint_damping, viscous_damping, joint_damping
+        return match_first_ratio(*(np.array([motion.ratio(D, k) for k in range(count)]) for D in dampings))
 
     @property
     def warnings(self) -> tuple[str, ...]:
         """Sentences on what MuJoCo cannot represent."""
         beta = self.rates[1]
-        if beta == self.law.beta:
-            return self.law.warnings
-        return (*self.law.warnings, f"viscosity does not act on point masses; beside it, beta is {beta:.4g} s")
+        if beta == self.coefficients.beta:
+            return self.coefficients.warnings
+        return (*self.coefficients.warnings, f"viscosity does not act on point masses; beside it, beta is {beta:.4g} s")
 
     @cached_property
     def density(self) -> float:
-        """Density for the drag of the law, kg/m^3."""
-        speeds = self.speeds(0)
-        size = np.repeat(np.hypot(speeds[:, 0], speeds[:, 1]), 3).reshape(-1, 3) * [1.0, 1.0, 0.0]
-        line = self.discrete.inertias * self._along_beam
-        drag = self.discrete.damping(self.law.drag * line * size.ravel())
-        return self.discrete.ratio(drag, 0) / self.discrete.ratio(self._damping(0.0, 1.0, 0.0, 0), 0)
+        """Density with the drag of the law in mode 1, kg/m^3."""
+        speed = np.hypot(*self.speeds(0)[:, :2].T)
+        mass_speeds = np.column_stack([speed, speed, 0.0 * speed]).ravel()
+        beam_inertias = self.small_motion.inertias * self._along_beam
+        drag = self.small_motion.damping(self.coefficients.drag * beam_inertias * mass_speeds)
+        return self.small_motion.ratio(drag, 0) / self.small_motion.ratio(self._damping(0.0, 1.0, 0.0, 0), 0)
 
     def damping(self, mode: int) -> Array:
-        """Return the damping matrix, with drag as for the amplitude of a mode."""
+        """Return the damping matrix, with drag linearised at the amplitude of a mode."""
         viscosity, beta = self.rates
         return self._damping(viscosity, self.density, beta, mode)
 
     @property
     def _along_beam(self) -> Array:
-        """1 for the places of segments, 0 for those of carried masses."""
+        """1 for the coordinates of segments, 0 for those of point masses."""
         flags = []
         for k in range(self.beam.count):
-            flags += [1.0] * 3 + [0.0] * 3 * sum(segment == k for segment, *_ in self.beam.carried)
+            flags += [1.0] * 3 + [0.0] * 3 * sum(segment == k for segment, *_ in self.beam.point_masses)
         return np.array(flags)
 
     def _damping(self, viscosity: float, density: float, beta: float, mode: int) -> Array:
+        """Return the damping matrix for a viscosity, a density and damping of the joints per stiffness."""
         along, wide, thick = self.sides.T
         radius = self.sides.mean(axis=1)
-        viscous = viscosity * math.pi * np.column_stack([6 * radius, 6 * radius, 8 * radius**3])
-        turned = wide * (along**4 + thick**4) / 2
-        areas = np.column_stack([2 * wide * thick, 2 * along * wide, turned])
-        places = viscous + density * areas * self.speeds(mode)
-        return self.discrete.damping(places.ravel(), beta * self.beam.stiffness)
+        viscous_coefficients = viscosity * math.pi * np.column_stack([6 * radius, 6 * radius, 8 * radius**3])
+        turn_areas = wide * (along**4 + thick**4) / 2
+        areas = np.column_stack([2 * wide * thick, 2 * along * wide, turn_areas])
+        at_masses = viscous_coefficients + density * areas * self.speeds(mode)
+        return self.small_motion.damping(at_masses.ravel(), beta * self.beam.stiffness)
 
 
 def write_mujoco(
@@ -152,7 +160,7 @@ def write_mujoco(
     tolerance : float
         Largest relative error of the first three natural frequencies, by which segments and step are chosen.
     amplitude : float, optional
-        Tip amplitude of mode 1 (m) at which laws that depend on it are represented, and from which the beam is
+        Tip amplitude of mode 1 (m) at which amplitude-dependent laws are represented, and from which the beam is
         released; 2 % of the length if not given.
 
     Raises
@@ -173,4 +181,4 @@ def write_mujoco(
     >>> found.segments, found.step
     (12, 0.0005)
     """
-    return written(HingedChain, "mujoco.xml.jinja", model, path, damping, segments, tolerance, amplitude)
+    return write_segments(HingedChain, "mujoco.xml.jinja", model, path, damping, segments, tolerance, amplitude)

@@ -7,8 +7,9 @@
 
     v' = v - h M^-1 (K q + D v),    q' = q + h v'.
 
-Newton's rod joints need its solver VBD, which is implicit and iterative: twelve of them in steps of 1 ms with 10
-iterations swing too slowly by more than 10 %, and lose as much as a damping ratio of omega h/2.  Hinges do neither.
+Newton's rod joints need its solver VBD, which is implicit and iterative: with twelve of them, steps of 1 ms and 10
+iterations, the frequency is too low by more than 10 %, and the steps add a damping ratio of omega h/2.  Hinges avoid
+both errors.
 Newton computes in single precision.
 
 References
@@ -25,52 +26,53 @@ from pathlib import Path
 import numpy as np
 
 from ancf_casadi.damping import DampingLaw
-from ancf_casadi.export.simulators.segments import Discrete, SegmentedBeam
-from ancf_casadi.export.simulators.settings import ExportedBeam, Segmented, written
+from ancf_casadi.export.simulators.segments import SegmentedBeam, SmallMotion
+from ancf_casadi.export.simulators.settings import ExportedBeam, SimulatorBeam, write_segments
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.support.arrays import Array
 
 
-class LinkedBeam(Segmented):
+class LinkedBeam(SimulatorBeam):
     """The links in Newton."""
 
     implicit = False
 
     @cached_property
     def links(self) -> SegmentedBeam:
-        """The segments, each with the point masses that it carries."""
+        """The segments, each rigidly joined with its point masses."""
         beam = self.beam
-        masses, centres, inertias = (own.copy() for own in (beam.masses, beam.centres, beam.inertias))
-        for k, distance, one in beam.carried:
-            total, away = masses[k] + one.mass, distance - centres[k]
-            inertias[k] += one.rotary_inertia + masses[k] * one.mass / total * away**2
-            centres[k] += one.mass / total * away
-            masses[k] = total
-        return replace(beam, masses=masses, centres=centres, inertias=inertias, carried=())
+        masses, centres, inertias = (values.copy() for values in (beam.masses, beam.centres, beam.inertias))
+        for segment, distance, point_mass in beam.point_masses:
+            total, offset = masses[segment] + point_mass.mass, distance - centres[segment]
+            inertias[segment] += point_mass.rotary_inertia + masses[segment] * point_mass.mass / total * offset**2
+            centres[segment] += point_mass.mass / total * offset
+            masses[segment] = total
+        return replace(beam, masses=masses, centres=centres, inertias=inertias, point_masses=())
 
     @cached_property
-    def discrete(self) -> Discrete:
-        """Small motion about rest."""
-        return self.links.discrete()
+    def small_motion(self) -> SmallMotion:
+        """Small motion about the equilibrium."""
+        return self.links.small_motion()
 
     @property
     def air(self) -> tuple[Array, Array, Array]:
         """Force per velocity, force per velocity squared, and moment per rate of turn, of each link."""
-        law = self.law
-        rates = law.alpha * self.links.masses + law.eta1 * self.beam.masses
-        return rates, law.drag * self.beam.masses, (law.alpha + law.eta1) * self.links.inertias
+        coefficients, links, beam = self.coefficients, self.links, self.beam
+        linear = coefficients.alpha * links.masses + coefficients.eta1 * beam.masses
+        return linear, coefficients.drag * beam.masses, (coefficients.alpha + coefficients.eta1) * links.inertias
 
     @property
     def poses(self) -> Array:
-        """Angles of the hinges at rest, and with the tip moved by 1 m in each of the first modes to first order."""
-        rest, shapes = self.discrete.rest, self.modes[1]
-        return np.diff(np.vstack([rest, rest + shapes.T]), prepend=self.beam.axis)
+        """Angles of the hinges in equilibrium, and with a linear tip displacement of 1 m in each mode."""
+        equilibrium, shapes = self.small_motion.equilibrium, self.modes[1]
+        return np.diff(np.vstack([equilibrium, equilibrium + shapes.T]), prepend=self.beam.axis)
 
     def damping(self, mode: int) -> Array:
-        """Return the damping matrix, with drag as for the amplitude of a mode."""
-        rates, drag, turns = self.air
-        size = rates + drag * np.linalg.norm(self.speeds(mode)[:, :2], axis=1)
-        return self.discrete.damping(np.column_stack([size, size, turns]).ravel(), self.law.beta * self.beam.stiffness)
+        """Return the damping matrix, with drag linearised at the amplitude of a mode."""
+        linear, drag, rotational = self.air
+        linear = linear + drag * np.linalg.norm(self.speeds(mode)[:, :2], axis=1)
+        at_links = np.column_stack([linear, linear, rotational]).ravel()
+        return self.small_motion.damping(at_links, self.coefficients.beta * self.beam.stiffness)
 
 
 def write_newton(
@@ -108,4 +110,4 @@ def write_newton(
     >>> found.segments
     12
     """
-    return written(LinkedBeam, "newton.py.jinja", model, path, damping, segments, tolerance, amplitude)
+    return write_segments(LinkedBeam, "newton.py.jinja", model, path, damping, segments, tolerance, amplitude)

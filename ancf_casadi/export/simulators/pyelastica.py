@@ -2,12 +2,12 @@
 
     bending         at the node between two elements, the stiffness k_j of the joint; at the clamp, a torque k_0
     shear, stretch  12 E I/l^2 and 60 E I/l^2: far softer than a thin strip, so that steps can be long
-    inertia         of segments at their ends; m l^2/12 for the turn of each element
+    inertia         masses of the segments at the nodes; m l^2/12 for the rotation of each element
     damping         AnalyticalLinearDamper for alpha, an implicit damper for beta, forces on the nodes for eta1 and eta2
 
-The masses at the nodes, the shear and the inertia of turns lower the frequency of a wave of the number kappa, each by a
-multiple of (kappa l)^2, so this beam takes more segments than rigid bodies.  PositionVerlet steps with these dampers
-are, to the order of h,
+The masses at the nodes, the shear and the rotary inertia lower the frequency of a wave with the wavenumber kappa, each
+by a multiple of (kappa l)^2, so this beam needs more segments than rigid bodies.  To the order of h, PositionVerlet
+steps with these dampers are
 
     q1 = q + h v/2,    (M + h D) v' = M v - h K q1,    q' = q1 + h v'/2.
 
@@ -26,44 +26,44 @@ import casadi as cs
 import numpy as np
 
 from ancf_casadi.damping import DampingLaw
-from ancf_casadi.export.simulators.segments import Discrete, about_rest
-from ancf_casadi.export.simulators.settings import ExportedBeam, Segmented, written
+from ancf_casadi.export.simulators.segments import SmallMotion, linearise_at_equilibrium
+from ancf_casadi.export.simulators.settings import ExportedBeam, SimulatorBeam, write_segments
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.support.arrays import Array
 
 SHEAR = 12.0  # shear stiffness per E I/l^2
-STRETCH = 60.0  # stretching changes the bending of PyElastica's elements; more than this would shorten the step
+STRETCH = 60.0  # per E I/l^2; less changes the bending of PyElastica's elements, more shortens the step
 
 
-class CosseratBeam(Segmented):
+class CosseratBeam(SimulatorBeam):
     """The rod in PyElastica."""
 
     early = 0.5
 
     @cached_property
     def masses(self) -> tuple[Array, Array, Array]:
-        """Masses of the nodes from the first on, all and those along the beam, and inertias of the elements."""
+        """Masses of the nodes but the clamped one, with and without point masses, and inertias of the elements."""
         beam = self.beam
-        line, carried = np.zeros(beam.count + 1), np.zeros(beam.count + 1)
-        turns = beam.masses * beam.length**2 / 12
-        far = beam.masses * beam.centres / beam.length
-        line[1:] += far
-        line[:-1] += beam.masses - far
-        for k, distance, one in beam.carried:
-            share = distance / beam.length
-            carried[k : k + 2] += np.array([1.0 - share, share]) * one.mass
-            turns[k] += one.rotary_inertia
-        return (line + carried)[1:], line[1:], turns
+        beam_masses, point_masses = np.zeros(beam.count + 1), np.zeros(beam.count + 1)
+        inertias = beam.masses * beam.length**2 / 12
+        end_masses = beam.masses * beam.centres / beam.length
+        beam_masses[1:] += end_masses
+        beam_masses[:-1] += beam.masses - end_masses
+        for segment, distance, point_mass in beam.point_masses:
+            fraction = distance / beam.length
+            point_masses[segment : segment + 2] += np.array([1.0 - fraction, fraction]) * point_mass.mass
+            inertias[segment] += point_mass.rotary_inertia
+        return (beam_masses + point_masses)[1:], beam_masses[1:], inertias
 
     @cached_property
     def stiffness(self) -> tuple[float, float]:
         """Stiffness in shear and stretch, N."""
-        unit = float(self.beam.stiffness[1:].max() / self.beam.length)
-        return SHEAR * unit, STRETCH * unit
+        segment_stiffness = float(self.beam.stiffness[1:].max() / self.beam.length)
+        return SHEAR * segment_stiffness, STRETCH * segment_stiffness
 
     @cached_property
-    def discrete(self) -> Discrete:
-        """Small motion of the rod."""
+    def small_motion(self) -> SmallMotion:
+        """Small motion of the rod about its equilibrium."""
         beam, n = self.beam, self.beam.count
         q = cs.SX.sym("q", 3, n)
         nodes, theta = cs.horzcat(cs.DM(beam.origin), q[:2, :]), q[2, :].T
@@ -72,13 +72,14 @@ class CosseratBeam(Segmented):
         dx, dy = cs.vertsplit((nodes[:, 1:] - nodes[:, :-1]) / beam.length)
         shear, stretch = self.stiffness
         elastic = beam.length / 2 * (shear * cs.sumsqr(c * dy - s * dx) + stretch * cs.sumsqr(c * dx + s * dy - 1))
-        elastic += cs.dot(cs.DM(beam.stiffness), (turns - cs.DM(beam.natural)) ** 2) / 2
+        elastic += cs.dot(cs.DM(beam.stiffness), (turns - cs.DM(beam.natural_angles)) ** 2) / 2
         masses, _, inertias = self.masses
-        rest = beam.discrete().rest
-        places = np.cumsum(np.column_stack([np.cos(rest), np.sin(rest)]) * beam.length, axis=0) + beam.origin
-        moved = np.column_stack([masses, masses, inertias]).ravel()
-        first = np.column_stack([places, rest]).ravel()
-        return about_rest(cs.vec(q), cs.vec(q), moved, turns, elastic, beam.gravity, nodes[:, -1], first)
+        angles = beam.small_motion().equilibrium
+        positions = np.cumsum(np.column_stack([np.cos(angles), np.sin(angles)]) * beam.length, axis=0) + beam.origin
+        node_inertias = np.column_stack([masses, masses, inertias]).ravel()
+        guess = np.column_stack([positions, angles]).ravel()
+        q, tip = cs.vec(q), nodes[:, -1]
+        return linearise_at_equilibrium(q, q, node_inertias, turns, elastic, beam.gravity, tip, guess)
 
     @property
     def angles(self) -> Array:
@@ -86,12 +87,12 @@ class CosseratBeam(Segmented):
         return np.asarray(self.modes[1].T[:, 2::3])
 
     def damping(self, mode: int) -> Array:
-        """Return the damping matrix, with drag as for the amplitude of a mode."""
-        drag = self.law.drag * np.linalg.norm(self.speeds(mode)[:, :2], axis=1)
-        rate = self.law.eta1 + drag
-        air = rate * self.masses[1]
-        places = self.law.alpha * self.discrete.inertias + np.column_stack([air, air, 0.0 * air]).ravel()
-        return self.discrete.damping(places, self.law.beta * self.beam.stiffness)
+        """Return the damping matrix, with drag linearised at the amplitude of a mode."""
+        drag = self.coefficients.drag * np.linalg.norm(self.speeds(mode)[:, :2], axis=1)
+        air = (self.coefficients.eta1 + drag) * self.masses[1]
+        at_masses = self.coefficients.alpha * self.small_motion.inertias
+        at_masses = at_masses + np.column_stack([air, air, 0.0 * air]).ravel()
+        return self.small_motion.damping(at_masses, self.coefficients.beta * self.beam.stiffness)
 
 
 def write_pyelastica(
@@ -129,4 +130,4 @@ def write_pyelastica(
     >>> found.segments, found.step
     (45, 1.5e-05)
     """
-    return written(CosseratBeam, "pyelastica.py.jinja", model, path, damping, segments, tolerance, amplitude)
+    return write_segments(CosseratBeam, "pyelastica.py.jinja", model, path, damping, segments, tolerance, amplitude)

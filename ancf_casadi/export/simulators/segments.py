@@ -1,12 +1,12 @@
 """The beam as rigid segments with springs between them, and small motion of discretised beams.
 
-A beam that is held at its beginning alone becomes n segments of the length l = L/n, each with the mass, the centre and
-the moment of inertia of its part of the beam.  The joint at the beginning of segment j, at arc length j l, turns by the
-difference of the angles of two segments and carries the bending moment
+A beam with its only support at the beginning becomes n segments of the length l = L/n.  Each has the mass, the centre
+of mass and the moment of inertia of its stretch of the beam.  The joint at the beginning of segment j, at arc length
+j l, turns by the difference of the angles of two segments and carries the bending moment
 
     k_j (theta_j - theta_(j-1) - phi_j),    1/k_j = int ds/(E I),    phi_j = int kappa_0 ds,
 
-with the natural curvature kappa_0.  The integrals are over the part of the beam that the joint stands for: half a
+with the natural curvature kappa_0.  The integrals are over the stretch of the beam that the joint represents: half a
 segment on each side, but 5/12 of a segment behind the clamp and 13/12 about the next joint.  These are Gregory's
 weights, which integrate the moment of a deflected beam from its clamp with an error of third order, and not of
 second.  An elastic clamp is one more spring in series at the first joint, a pin a joint without stiffness.  The last
@@ -41,8 +41,8 @@ from ancf_casadi.mechanics.section import masses_per_length
 from ancf_casadi.mechanics.supports import Clamp, Pin
 from ancf_casadi.support.arrays import Array, Index
 
-GREGORY = 5 / 12  # part of a segment for which the joint at the clamp stands
-SLOWEST = 1e-6  # 1/s; slower poles are those of motion that does not oscillate
+CLAMP_JOINT_SHARE = 5 / 12  # of a segment, represented by the joint at the clamp
+MIN_POLE = 1e-6  # imaginary part of an oscillating pole, 1/s
 
 
 @dataclass(frozen=True)
@@ -59,8 +59,8 @@ class SegmentedBeam:
     widths: Array
     thicknesses: Array
     stiffness: Array  # of the joints, N m/rad
-    natural: Array  # angle of the joints without moment, rad
-    carried: Sequence[tuple[int, float, PointMass]]  # with segment (from 0) and distance from its joint, m
+    natural_angles: Array  # of the joints without moment, rad
+    point_masses: Sequence[tuple[int, float, PointMass]]  # with segment (from 0) and distance from its joint, m
 
     @property
     def count(self) -> int:
@@ -68,34 +68,36 @@ class SegmentedBeam:
         return len(self.masses)
 
     @property
-    def unloaded(self) -> Array:
+    def unloaded_angles(self) -> Array:
         """Angles of the segments without load, rad."""
-        return self.axis + np.cumsum(self.natural)
+        return self.axis + np.cumsum(self.natural_angles)
 
-    def discrete(self) -> Discrete:
-        """Return small motion about the equilibrium; the places are x, y and angle of each mass."""
+    def small_motion(self) -> SmallMotion:
+        """Return small motion about the equilibrium; the positions are x, y and angle of each mass."""
         theta = cs.SX.sym("theta", self.count)
-        at, places, inertias = cs.SX(cs.DM(self.origin)), [], []
+        joint, positions, inertias = cs.SX(cs.DM(self.origin)), [], []
         for k in range(self.count):
-            along = cs.vertcat(cs.cos(theta[k]), cs.sin(theta[k]))
-            moved = [(self.masses[k], self.centres[k], self.inertias[k])]
-            moved += [(one.mass, distance, one.rotary_inertia) for own, distance, one in self.carried if own == k]
-            for mass, distance, inertia in moved:
-                places += [at + distance * along, theta[k]]
+            direction = cs.vertcat(cs.cos(theta[k]), cs.sin(theta[k]))
+            segment_masses = [(self.masses[k], self.centres[k], self.inertias[k])]
+            segment_masses += [
+                (p.mass, distance, p.rotary_inertia) for segment, distance, p in self.point_masses if segment == k
+            ]
+            for mass, distance, inertia in segment_masses:
+                positions += [joint + distance * direction, theta[k]]
                 inertias += [mass, mass, inertia]
-            at = at + self.length * along
+            joint = joint + self.length * direction
         turns = theta - cs.vertcat(self.axis, theta[:-1])
-        bending = cs.sumsqr(cs.sqrt(cs.DM(self.stiffness)) * (turns - cs.DM(self.natural))) / 2
-        return about_rest(
-            theta, cs.vertcat(*places), np.array(inertias), turns, bending, self.gravity, at, self.unloaded
+        bending = cs.sumsqr(cs.sqrt(cs.DM(self.stiffness)) * (turns - cs.DM(self.natural_angles))) / 2
+        return linearise_at_equilibrium(
+            theta, cs.vertcat(*positions), np.array(inertias), turns, bending, self.gravity, joint, self.unloaded_angles
         )
 
 
-def segmented(beam: Beam, count: int) -> SegmentedBeam:
-    """Return a beam that is held at its beginning alone as segments; refuse any other."""
-    support = held_at_beginning(beam)
+def divide_beam(beam: Beam, count: int) -> SegmentedBeam:
+    """Divide a beam with its only support at the beginning into segments."""
+    support = check_support(beam)
     length, ends = beam.length / count, np.linspace(0.0, beam.length, count + 1)
-    cells = np.concatenate([[0.0, GREGORY], np.arange(1.5, count)]) * length
+    cells = np.concatenate([[0.0, CLAMP_JOINT_SHARE], np.arange(1.5, count)]) * length
     sections, nodes = beam.sections, beam.node_points
     rigidity = np.array([e * s.second_moment for e, s in zip(beam.elastic_modulus, sections, strict=True)])
     compliance = _integrals(1 / rigidity, nodes, cells)
@@ -104,21 +106,21 @@ def segmented(beam: Beam, count: int) -> SegmentedBeam:
     stiffness = 1 / compliance
     if isinstance(support, Pin):
         stiffness[0] = 0.0
-    marks = np.union1d(ends, nodes)
-    pieces, middles = np.diff(marks), (marks[:-1] + marks[1:]) / 2
+    breakpoints = np.union1d(ends, nodes)
+    pieces, middles = np.diff(breakpoints), (breakpoints[:-1] + breakpoints[1:]) / 2
     owners: Index = np.minimum((middles / length).astype(np.int64), count - 1)
     density = masses_per_length(beam.density, sections)
-    of_element = np.clip(np.searchsorted(nodes, middles) - 1, 0, beam.elements - 1)
-    mass = density[of_element] * pieces
+    elements = np.clip(np.searchsorted(nodes, middles) - 1, 0, beam.elements - 1)
+    mass = density[elements] * pieces
     masses: Array = np.bincount(owners, mass).astype(np.float64)
     centres = np.bincount(owners, mass * middles) / masses
     inertias: Array = np.bincount(owners, mass * (pieces**2 / 12 + (middles - centres[owners]) ** 2)).astype(np.float64)
-    carried = []
-    for one in beam.attachments:
-        if not isinstance(one, PointMass):
-            raise InputError(f"a {type(one).__name__} cannot be written; only point masses can", "attachments")
-        segment = min(int(one.point / length), count - 1)
-        carried.append((segment, one.point - segment * length, one))
+    point_masses = []
+    for attachment in beam.attachments:
+        if not isinstance(attachment, PointMass):
+            raise InputError(f"a {type(attachment).__name__} cannot be written; only point masses can", "attachments")
+        segment = min(int(attachment.point / length), count - 1)
+        point_masses.append((segment, attachment.point - segment * length, attachment))
     curvature = np.array(beam.natural_curvature or [0.0] * beam.elements)
     return SegmentedBeam(
         origin=support.displacement,
@@ -131,66 +133,67 @@ def segmented(beam: Beam, count: int) -> SegmentedBeam:
         widths=_integrals(np.array(beam.width), nodes, ends) / length,
         thicknesses=_integrals(np.array(beam.thickness), nodes, ends) / length,
         stiffness=stiffness,
-        natural=_integrals(curvature, nodes, cells),
-        carried=carried,
+        natural_angles=_integrals(curvature, nodes, cells),
+        point_masses=point_masses,
     )
 
 
-def held_at_beginning(beam: Beam) -> Clamp | Pin:
-    """Return the only support of a beam; refuse others than a clamp or a pin at the beginning."""
+def check_support(beam: Beam) -> Clamp | Pin:
+    """Return the only support of a beam, which must be a clamp or a pin at its beginning."""
     if len(beam.supports) == 1 and isinstance(beam.supports[0], Clamp | Pin) and beam.supports[0].point == 0.0:
         return beam.supports[0]
     raise InputError("must be one clamp or pin at the beginning of the beam, to be written for a simulator", "supports")
 
 
 def _integrals(values: Array, nodes: Array, ends: Array) -> Array:
-    """Return the integrals, between neighbouring ends, of a quantity that is constant in each element."""
+    """Return the integrals between consecutive ends of a quantity that is constant in each element."""
     total = np.concatenate([[0.0], np.cumsum(values * np.diff(nodes))])
     return np.diff(np.interp(ends, nodes, total))
 
 
-def about_rest(
+def linearise_at_equilibrium(
     q: cs.SX,
-    places: cs.SX,
+    positions: cs.SX,
     inertias: Array,
     turns: cs.SX,
     elastic: cs.SX,
     gravity: tuple[float, float],
     tip: cs.SX,
-    first: Array,
-) -> Discrete:
-    """Return small motion about the equilibrium next to some coordinates; refuse one that is not found.
+    guess: Array,
+) -> SmallMotion:
+    """Solve for the equilibrium by Newton's method from ``guess``, and return small motion about it.
 
-    The coordinates q place the masses (x, y, angle) and the tip, turn the joints and store elastic energy.
+    The positions of the masses (x, y, angle), the turns of the joints, the elastic energy and the position of the tip
+    are expressions of the coordinates q.
     """
     weights = cs.DM(inertias * np.tile([*gravity, 0.0], len(inertias) // 3))
-    hessian, gradient = cs.hessian(elastic - cs.dot(weights, places), q)
+    hessian, gradient = cs.hessian(elastic - cs.dot(weights, positions), q)
     balance = cs.Function("balance", [q], [gradient, hessian])
-    at = first
+    coordinates = guess
     for _ in range(100):
-        force, stiffness = (one.full() for one in balance(at))
+        force, stiffness = (value.full() for value in balance(coordinates))
         step = -np.linalg.solve(stiffness, force)[:, 0]
-        at = at + step * min(1.0, 0.3 / np.abs(step).max(initial=1e-300))
+        coordinates = coordinates + step * min(1.0, 0.3 / np.abs(step).max(initial=1e-300))
         if np.abs(step).max() < 1e-10:
             break
     else:
         raise EquilibriumError("no equilibrium of the discretised beam was found; use more segments")
-    changes = [cs.jacobian(one, q) for one in (places, turns, tip)]
-    found = cs.Function("found", [q], [*changes, hessian, places])(at)
-    jacobian, of_turns, of_tip, stiffness, rest = (one.full() for one in found)
-    c, s = np.cos(rest[2::3]), np.sin(rest[2::3])
+    jacobians = [cs.jacobian(expression, q) for expression in (positions, turns, tip)]
+    values = cs.Function("small_motion", [q], [*jacobians, hessian, positions[2::3]])(coordinates)
+    jacobian, turns_jacobian, tip_jacobian, stiffness, angles = (value.full() for value in values)
+    c, s = np.cos(angles), np.sin(angles)
     x, y = jacobian[0::3].copy(), jacobian[1::3].copy()
     jacobian[0::3], jacobian[1::3] = c * x + s * y, c * y - s * x
-    return Discrete(at, jacobian, inertias, of_turns, stiffness, of_tip)
+    return SmallMotion(coordinates, jacobian, inertias, turns_jacobian, stiffness, tip_jacobian)
 
 
 @dataclass(frozen=True)
-class Discrete:
+class SmallMotion:
     """Small motion about an equilibrium."""
 
-    rest: Array
-    jacobian: Array  # J of the places, along and across the beam there, and of the angle
-    inertias: Array
+    equilibrium: Array  # coordinates
+    jacobian: Array  # J: displacements of the masses along and across the beam, and rotations, per coordinate
+    inertias: Array  # m
     turns: Array  # T
     stiffness: Array  # K
     tip: Array  # Jacobian of the position of the tip
@@ -200,32 +203,32 @@ class Discrete:
         """The mass matrix M."""
         return np.asarray((self.jacobian.T * self.inertias) @ self.jacobian)
 
-    def damping(self, places: Array, joints: Array | float = 0.0) -> Array:
-        """Return D of dampers at the places (N s/m, N m s/rad) and at the joints (N m s/rad)."""
-        return np.asarray((self.jacobian.T * places) @ self.jacobian + (self.turns.T * joints) @ self.turns)
+    def damping(self, at_masses: Array, at_joints: Array | float = 0.0) -> Array:
+        """Return D of dampers at the masses (N s/m, N m s/rad) and at the joints (N m s/rad)."""
+        return np.asarray((self.jacobian.T * at_masses) @ self.jacobian + (self.turns.T * at_joints) @ self.turns)
 
     def modes(self, count: int) -> tuple[Array, Array]:
-        """Return angular frequencies (rad/s) and shapes of the lowest modes, whose tip moves by 1."""
+        """Return angular frequencies (rad/s) and shapes of the lowest modes, with a tip displacement of 1 m."""
         values, shapes = scipy.linalg.eigh(self.stiffness, self.mass, subset_by_index=(0, count - 1))
         if values[0] <= 0.0:
             raise EquilibriumError("the equilibrium of the discretised beam is unstable; use more segments")
-        moved = self.tip @ shapes
-        larger = np.abs(moved).argmax(axis=0)
-        signs = np.sign(moved[larger, np.arange(count)])
-        return np.sqrt(values), shapes * signs / np.linalg.norm(moved, axis=0)
+        tip_displacements = self.tip @ shapes
+        larger_component = np.abs(tip_displacements).argmax(axis=0)
+        signs = np.sign(tip_displacements[larger_component, np.arange(count)])
+        return np.sqrt(values), shapes * signs / np.linalg.norm(tip_displacements, axis=0)
 
     def ratio(self, damping: Array, mode: int) -> float:
-        """Return the damping ratio of a mode (number from 0) under light damping D."""
+        """Return the damping ratio of a mode (counted from 0) under light damping D."""
         omega, shapes = self.modes(mode + 1)
-        phi = shapes[:, mode]
-        return float(phi @ damping @ phi / (2 * omega[mode] * (phi @ self.mass @ phi)))
+        shape = shapes[:, mode]
+        return float(shape @ damping @ shape / (2 * omega[mode] * (shape @ self.mass @ shape)))
 
 
 def poles(matrix: Array, step: float, count: int) -> tuple[Array, Array, bool]:
-    """Return frequencies (Hz) and damping ratios of the slowest poles of a step matrix, and whether no motion grows."""
+    """Return frequencies (Hz) and damping ratios of the slowest poles of a step matrix, and whether it is stable."""
     z = np.linalg.eigvals(matrix)
     s = np.log(z.astype(complex)) / step
-    s = s[s.imag > SLOWEST]
+    s = s[s.imag > MIN_POLE]
     s = s[np.argsort(np.abs(s))][:count]
     return np.abs(s) / (2 * math.pi), -s.real / np.abs(s), bool(np.abs(z).max() <= 1.0 + 1e-9)  # rounding
 
@@ -238,5 +241,5 @@ def step_matrix(
     after, before = (mass + step * damping, mass) if implicit else (mass, mass - step * damping)
     inverse = np.linalg.inv(after)
     kick = np.block([[eye, 0.0 * eye], [-step * inverse @ stiffness, inverse @ before]])
-    first, last = (np.block([[eye, share * step * eye], [0.0 * eye, eye]]) for share in (early, 1.0 - early))
-    return np.asarray(last @ kick @ first)
+    drift_before, drift_after = (np.block([[eye, e * step * eye], [0.0 * eye, eye]]) for e in (early, 1.0 - early))
+    return np.asarray(drift_after @ kick @ drift_before)

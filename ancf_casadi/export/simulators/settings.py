@@ -1,6 +1,6 @@
 """The beam in other programs: its damping, the fewest segments and the longest time step within a tolerance.
 
-Damping laws in the terms that other programs have:
+Damping laws become coefficients that other programs have:
 
     Rayleigh      alpha M + beta K: a rate alpha on all masses, dampers beta k at the joints
     quadratic     a rate eta1 and the drag (1183/876) eta2 |v| v, both per mass along the beam
@@ -9,9 +9,9 @@ Damping laws in the terms that other programs have:
 A law that depends on the amplitude becomes a rate alpha, right at one amplitude.  Ratios of all modes are compared at
 one speed of the tip, that of mode 1 at the stated amplitude.
 
-Of the tolerance of the first three frequencies, the segments may use a part, and the step the rest.  The step changes
-the damping ratio of mode 1 by at most ``OF_RATIO`` tolerances, and must be stable with a margin, because a bent beam is
-stiffer than a beam at rest.
+The segments may use the share ``SEGMENT_SHARE`` of the tolerance of the first three frequencies, and the step the
+remaining share.  The step changes the damping ratio of mode 1 by at most ``RATIO_TOLERANCES`` tolerances, and must be
+stable with a margin, because a bent beam is stiffer than a beam in equilibrium.
 
 The file for each program is a template of this folder, filled with numbers.
 """
@@ -32,37 +32,37 @@ import numpy as np
 from ancf_casadi.damping import DRAG_CONSTANT, DampingLaw, ModalDamping, QuadraticDamping, RayleighDamping, SumOfLaws
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.export.simulators.segments import (
-    Discrete,
     SegmentedBeam,
-    held_at_beginning,
+    SmallMotion,
+    check_support,
+    divide_beam,
     poles,
-    segmented,
     step_matrix,
 )
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.support.arrays import Array
-from ancf_casadi.support.files import check_file, check_ours, filled_template, template_text, write_file
+from ancf_casadi.support.files import check_file, check_ours, fill_template, template_text, write_file
 from ancf_casadi.support.inputs import check_instance, physical, positive, whole
 from ancf_casadi.support.tables import Displayed, Table
 from ancf_casadi.version import __version__
 from ancf_casadi.vibration.modes import Modes, natural_modes
 
 FOLDER = "ancf_casadi.export.simulators"
-COMPARED = 3  # modes
+COMPARED_MODES = 3  # modes
 STEPS = tuple(float(f"{digit}e{power}") for power in range(-3, -9, -1) for digit in (5, 3, 2, 1.5, 1))  # s
-SHARE = 0.7  # of the tolerance that the segments may use
-OF_RATIO = 2.0
-MARGIN = 1.25
-LEAST, MOST = 4, 64  # segments that are tried
-RELEASE = 0.02  # tip amplitude without another, per length
-UNDAMPED = 1e-3  # damping ratio to which the tolerance refers without damping
+SEGMENT_SHARE = 0.7  # of the tolerance of frequencies
+RATIO_TOLERANCES = 2.0  # allowed relative change of the damping ratio by the step, in tolerances
+STABILITY_MARGIN = 1.25  # between the step and the longest stable step
+MIN_SEGMENTS, MAX_SEGMENTS = 4, 64
+RELEASE_AMPLITUDE = 0.02  # default tip amplitude, per length
+MIN_RATIO = 1e-3  # smallest damping ratio to which the tolerance refers
 
 
 @dataclass(frozen=True)
 class ExportedBeam(Displayed):
-    """A beam as it was written for another program: its settings, and how it vibrates there and here.
+    """Settings of a beam written for another program, and its modes in that program and in this toolkit.
 
-    The values of the other program follow from the eigenvalues of its discretised beam in one step of its integrator.
+    The modes in the other program are computed from the eigenvalues of its discretised beam over one integrator step.
 
     Parameters
     ----------
@@ -112,17 +112,15 @@ class ExportedBeam(Displayed):
     def table(self) -> Table:
         """Return frequencies and damping ratios here and in the program."""
         columns = ("mode", "f_Hz", f"f_{self.format}_Hz", "error_%", "damping_ratio", f"ratio_{self.format}", "error_%")
-        rows = []
-        compared = self.frequencies, self.reached_frequencies, self.damping_ratios, self.reached_damping_ratios
-        for k, (f, reached, zeta, met) in enumerate(zip(*(own.tolist() for own in compared), strict=True), start=1):
-            errors = (round(100 * (now / own - 1), 3) if own else None for own, now in ((f, reached), (zeta, met)))
-            rows.append((k, f, reached, next(errors), zeta, met, next(errors)))
+        frequencies = _with_errors(self.frequencies, self.reached_frequencies)
+        ratios = _with_errors(self.damping_ratios, self.reached_damping_ratios)
+        rows = [(k, *f, *zeta) for k, (f, zeta) in enumerate(zip(frequencies, ratios, strict=True), start=1)]
         note = f"{self.segments} segments, steps of {self.step:g} s, tip amplitude {self.amplitude:.4g} m in mode 1"
         return Table(f"beam_{self.format}", f"Beam for {self.format}", columns, rows, (note,))
 
     def report(self) -> str:
         """Return the table and the warnings as text."""
-        return "\n".join([self.table().text(), *(f"  note: {one}" for one in self.warnings)])
+        return "\n".join([self.table().text(), *(f"  note: {warning}" for warning in self.warnings)])
 
     def to_dict(self) -> dict[str, Any]:
         """Return the settings, and the frequencies and damping ratios here and in the program, as plain data."""
@@ -145,18 +143,24 @@ class ExportedBeam(Displayed):
 
     def _repr_html_(self) -> str:
         """Return the table and the warnings for a notebook."""
-        return self.table()._repr_html_() + "".join(f"<p>note: {one}</p>" for one in self.warnings)
+        return self.table()._repr_html_() + "".join(f"<p>note: {warning}</p>" for warning in self.warnings)
+
+
+def _with_errors(exact: Array, reached: Array) -> list[tuple[float, float, float | None]]:
+    """Return exact values, values in the program, and their relative errors, %."""
+    pairs = zip(exact.tolist(), reached.tolist(), strict=True)
+    return [(e, r, round(100 * (r / e - 1), 3) if e else None) for e, r in pairs]
 
 
 @dataclass(frozen=True)
-class Dampers:
-    """Coefficients: of all mass and of the mass along the beam (1/s), of stiffness (s), of drag (1/m)."""
+class DampingCoefficients:
+    """Coefficients of mass and stiffness damping and of drag, and warnings about laws that they approximate."""
 
-    alpha: float = 0.0
-    beta: float = 0.0
-    eta1: float = 0.0
-    eta2: float = 0.0
-    warnings: tuple[str, ...] = ()
+    alpha: float  # of all mass, 1/s
+    beta: float  # of stiffness, s
+    eta1: float  # of the mass along the beam, 1/s
+    eta2: float  # of drag, 1/m
+    warnings: tuple[str, ...]
 
     @property
     def drag(self) -> float:
@@ -164,62 +168,62 @@ class Dampers:
         return DRAG_CONSTANT * self.eta2
 
 
-def same_speed(modes: Modes, amplitude: float) -> Array:
-    """Return the tip amplitudes of the modes, m, at the speed of mode 1 with the amplitude."""
+def equal_speed_amplitudes(modes: Modes, amplitude: float) -> Array:
+    """Return the tip amplitudes, m, at which all modes have the tip speed of mode 1 at the given amplitude."""
     return np.asarray(amplitude * modes.frequencies[0] / modes.frequencies)
 
 
-def terms_of(law: DampingLaw) -> tuple[DampingLaw, ...]:
-    """Return the laws that act together."""
+def law_terms(law: DampingLaw) -> tuple[DampingLaw, ...]:
+    """Return the terms of a sum of laws, or the law itself as the only term."""
     return law.laws if isinstance(law, SumOfLaws) else (law,)
 
 
-def dampers(terms: Iterable[DampingLaw], modes: Modes, amplitude: float) -> Dampers:
-    """Return the coefficients for laws that act together."""
-    found = Dampers()
-    for term in terms:
-        if any(getattr(term, "flow", ())):
+def damping_coefficients(laws: Iterable[DampingLaw], modes: Modes, amplitude: float) -> DampingCoefficients:
+    """Return the coefficients of the sum of the laws, at a tip amplitude in mode 1."""
+    alpha = beta = eta1 = eta2 = 0.0
+    warnings = []
+    for law in laws:
+        if any(getattr(law, "flow", ())):
             raise InputError("a flow of air cannot be written for a simulator", "damping")
-        if isinstance(term, RayleighDamping):
-            found = replace(found, alpha=found.alpha + term.alpha, beta=found.beta + term.beta)
-        elif isinstance(term, QuadraticDamping):
-            found = replace(found, eta1=found.eta1 + term.eta1, eta2=found.eta2 + term.eta2)
+        if isinstance(law, QuadraticDamping):
+            eta1, eta2 = eta1 + law.eta1, eta2 + law.eta2
+        elif isinstance(law, RayleighDamping):
+            alpha, beta = alpha + law.alpha, beta + law.beta
         else:
-            alpha, beta = _equivalent(term, modes, same_speed(modes, amplitude))
-            warning = (
-                f"{type(term).__name__} becomes alpha = {alpha:.4g} 1/s and beta = {beta:.4g} s, which meet the "
+            law_alpha, law_beta = _equivalent_rayleigh(law, modes, equal_speed_amplitudes(modes, amplitude))
+            alpha, beta = alpha + law_alpha, beta + law_beta
+            warnings.append(
+                f"{type(law).__name__} becomes alpha = {law_alpha:.4g} 1/s and beta = {law_beta:.4g} s, which meet the "
                 f"damping ratio of mode 1 at a tip amplitude of {amplitude:.4g} m, and further ratios of the law as "
                 "well as these two can"
             )
-            found = replace(
-                found, alpha=found.alpha + alpha, beta=found.beta + beta, warnings=(*found.warnings, warning)
-            )
-    return found
+    return DampingCoefficients(alpha, beta, eta1, eta2, tuple(warnings))
 
 
-def _equivalent(term: DampingLaw, modes: Modes, amplitudes: Array) -> tuple[float, float]:
-    """Return alpha and beta that meet the first damping ratio of a law, and further ratios that it states."""
-    ratios, of_alpha, of_beta = (
-        law.damping_ratios(modes, amplitudes) for law in (term, RayleighDamping(1.0), RayleighDamping(beta=1.0))
-    )
-    count = len(term.ratios) if isinstance(term, ModalDamping) else 1
-    return meeting_first(ratios[:count], of_alpha[:count], of_beta[:count])
+def _equivalent_rayleigh(law: DampingLaw, modes: Modes, amplitudes: Array) -> tuple[float, float]:
+    """Return alpha and beta with the first damping ratio of a law; those of a modal law fit its further ratios too."""
+    count = len(law.ratios) if isinstance(law, ModalDamping) else 1
+    compared_laws = law, RayleighDamping(1.0), RayleighDamping(beta=1.0)
+    return match_first_ratio(*(each_law.damping_ratios(modes, amplitudes)[:count] for each_law in compared_laws))
 
 
-def meeting_first(ratios: Array, of_alpha: Array, of_beta: Array) -> tuple[float, float]:
-    """Return alpha and beta, 0 or more, that meet the first damping ratio, and the others by least squares.
+def match_first_ratio(ratios: Array, alpha_ratios: Array, beta_ratios: Array) -> tuple[float, float]:
+    """Return nonnegative alpha and beta that meet the first damping ratio, and further ratios by least squares.
 
-    Both are given by the damping ratios of alpha = 1 and of beta = 1; beta is 0 if there is one ratio.
+    ``alpha_ratios`` and ``beta_ratios`` are the damping ratios for alpha = 1 and for beta = 1.  With a single ratio,
+    beta is 0.
     """
-    gains = of_beta - of_beta[0] / of_alpha[0] * of_alpha
-    missing = ratios - ratios[0] / of_alpha[0] * of_alpha
-    beta = float(np.clip(gains @ missing / (gains @ gains), 0.0, ratios[0] / of_beta[0])) if len(ratios) > 1 else 0.0
-    return float((ratios[0] - beta * of_beta[0]) / of_alpha[0]), beta
+    gains = beta_ratios - beta_ratios[0] / alpha_ratios[0] * alpha_ratios
+    remainders = ratios - ratios[0] / alpha_ratios[0] * alpha_ratios
+    beta = 0.0
+    if len(ratios) > 1:
+        beta = float(np.clip(gains @ remainders / (gains @ gains), 0.0, ratios[0] / beta_ratios[0]))
+    return float((ratios[0] - beta * beta_ratios[0]) / alpha_ratios[0]), beta
 
 
 @dataclass(frozen=True)
-class Writing:
-    """A beam to be written: its modes, the damping ratios that are to be met, the tolerance, and the file."""
+class ExportRequest:
+    """The beam to export: its modes and damping ratios, the tolerance of both, and the file to write."""
 
     modes: Modes
     damping: DampingLaw
@@ -232,49 +236,52 @@ class Writing:
 
 
 @dataclass(frozen=True)
-class Segmented(ABC):
-    """A beam of segments in another program, which defines its modes, its damping and its steps."""
+class SimulatorBeam(ABC):
+    """A beam of segments with the inertia, damping and integrator of another program."""
 
     implicit: ClassVar[bool] = True  # whether dampers act with the velocity at the end of a step
-    early: ClassVar[float] = 0.0  # part of a step by which positions move before velocities change
+    early: ClassVar[float] = 0.0  # fraction of a step by which positions move before velocities change
 
-    given: Writing
-    law: Dampers
+    request: ExportRequest
+    coefficients: DampingCoefficients
     beam: SegmentedBeam
 
     @cached_property
-    def discrete(self) -> Discrete:
-        """Small motion about rest."""
-        return self.beam.discrete()
+    def small_motion(self) -> SmallMotion:
+        """Small motion about the equilibrium."""
+        return self.beam.small_motion()
 
     @cached_property
     def modes(self) -> tuple[Array, Array]:
         """Angular frequencies and shapes."""
-        return self.discrete.modes(COMPARED)
+        return self.small_motion.modes(COMPARED_MODES)
 
     @property
     def warnings(self) -> tuple[str, ...]:
         """Sentences on what the program cannot represent."""
-        return self.law.warnings
+        return self.coefficients.warnings
 
     def speeds(self, mode: int) -> Array:
-        """Return 8/(3 pi) of the speeds of the places (p, 3) in a mode: drag times these is damping of equal energy."""
+        """Return the speed amplitudes (p, 3) of the masses in a mode, times 8/(3 pi).
+
+        A linear damper with the coefficient of drag times this value dissipates as much energy per period as drag.
+        """
         omega, shapes = self.modes
-        amplitude = same_speed(self.given.modes, self.given.amplitude)[mode]
-        moved = omega[mode] * amplitude * self.discrete.jacobian @ shapes[:, mode]
-        return np.asarray(8 / (3 * math.pi) * np.abs(moved).reshape(-1, 3))
+        amplitude = equal_speed_amplitudes(self.request.modes, self.request.amplitude)[mode]
+        place_speeds = omega[mode] * amplitude * self.small_motion.jacobian @ shapes[:, mode]
+        return np.asarray(8 / (3 * math.pi) * np.abs(place_speeds).reshape(-1, 3))
 
     @abstractmethod
     def damping(self, mode: int) -> Array:
-        """Return the damping matrix, with drag as for the amplitude of a mode."""
+        """Return the damping matrix, with drag linearised at the amplitude of a mode."""
 
-    def matrix(self, mode: int, step: float) -> Array:
-        """Return the matrix of one step, with the damping of a mode at its amplitude."""
-        M, K = self.discrete.mass, self.discrete.stiffness
+    def transition_matrix(self, mode: int, step: float) -> Array:
+        """Return the matrix of one integrator step, with drag linearised at the amplitude of a mode."""
+        M, K = self.small_motion.mass, self.small_motion.stiffness
         return step_matrix(M, self.damping(mode), K, step, implicit=self.implicit, early=self.early)
 
 
-def prepared(
+def check_request(
     template: str,
     model: Model,
     path: str | Path,
@@ -282,107 +289,123 @@ def prepared(
     segments: int | None,
     tolerance: float,
     amplitude: float | None,
-) -> Writing:
-    """Return the checked arguments of a writer; the file to write is new or begins as the template does."""
+) -> ExportRequest:
+    """Check the arguments of a writer and solve for the modes; an existing file must begin as the template does."""
     check_instance(model, "model", Model)
     check_instance(damping, "damping", DampingLaw, NoneType)
     beam, law = model.beam, damping or RayleighDamping()
-    held_at_beginning(beam)
+    check_support(beam)
     target = check_file(path)
     check_ours(target, template_text(FOLDER, template).partition(" {{")[0])
-    count = None if segments is None else whole(segments, "segments", LEAST, MOST)
-    size = RELEASE * beam.length if amplitude is None else physical(amplitude, "amplitude")
+    count = None if segments is None else whole(segments, "segments", MIN_SEGMENTS, MAX_SEGMENTS)
+    tip_amplitude = RELEASE_AMPLITUDE * beam.length if amplitude is None else physical(amplitude, "amplitude")
     tolerance = positive(tolerance, "tolerance")
-    modes = natural_modes(model, count=COMPARED)
-    ratios = law.damping_ratios(modes, same_speed(modes, size))
+    modes = natural_modes(model, count=COMPARED_MODES)
+    ratios = law.damping_ratios(modes, equal_speed_amplitudes(modes, tip_amplitude))
     if ratios.max() >= 1.0:
         message = (
             f"mode {1 + int(ratios.argmax())} has the damping ratio {ratios.max():.3g}; those below 1 can be written"
         )
         raise InputError(message, "damping")
-    return Writing(modes, law, size, ratios, tolerance, count, target, template)
+    return ExportRequest(modes, law, tip_amplitude, ratios, tolerance, count, target, template)
 
 
-def written(kind: type[Segmented], template: str, *options: Any) -> ExportedBeam:
-    """Write a beam of segments, and return its account; ``options`` are those of ``prepared``."""
-    given = prepared(template, *options)
-    law = dampers(terms_of(given.damping), given.modes, given.amplitude)
-    count = given.segments or LEAST
+def write_segments(kind: type[SimulatorBeam], template: str, *request_arguments: Any) -> ExportedBeam:
+    """Write a beam with the fewest segments within the tolerance; ``request_arguments`` go to ``check_request``."""
+    request = check_request(template, *request_arguments)
+    coefficients = damping_coefficients(law_terms(request.damping), request.modes, request.amplitude)
+    count = request.segments or MIN_SEGMENTS
     while True:
-        program = kind(given, law, segmented(given.modes.model.beam, count))
-        frequencies, allowed = program.modes[0] / (2 * math.pi), SHARE * given.tolerance
-        error = float(np.abs(frequencies / given.modes.frequencies - 1.0).max())
-        if error <= allowed or given.segments:
+        program = kind(request, coefficients, divide_beam(request.modes.model.beam, count))
+        frequencies, segment_tolerance = program.modes[0] / (2 * math.pi), SEGMENT_SHARE * request.tolerance
+        error = float(np.abs(frequencies / request.modes.frequencies - 1.0).max())
+        if error <= segment_tolerance or request.segments:
             break
-        if count == MOST:
+        if count == MAX_SEGMENTS:
             raise InputError(
-                f"{MOST} segments only reach {error:.2g} in the first frequencies; give the beam more elements, or "
-                "allow for more",
+                f"{MAX_SEGMENTS} segments only reach {error:.2g} in the first frequencies; give the beam more "
+                "elements, or allow for more",
                 "tolerance",
             )
         # the error falls with at most the third power of the number; 0.9 keeps the next below the fewest that suffice
-        count = min(MOST, max(count + 1, int(0.9 * count * (error / allowed) ** (1 / 3))))
-    ratio = program.discrete.ratio(program.damping(0), 0)
-    law = replace(law, warnings=program.warnings)
-    return settled(given, law, count, frequencies, ratio, program.matrix, program=program, beam=program.beam)
+        count = min(MAX_SEGMENTS, max(count + 1, int(0.9 * count * (error / segment_tolerance) ** (1 / 3))))
+    ratio = program.small_motion.ratio(program.damping(0), 0)
+    coefficients = replace(coefficients, warnings=program.warnings)
+    templated = {"program": program, "beam": program.beam}
+    return write_with_longest_step(
+        request, coefficients, count, frequencies, ratio, program.transition_matrix, **templated
+    )
 
 
-def settled(
-    given: Writing,
-    law: Dampers,
-    count: int,
+def write_with_longest_step(
+    request: ExportRequest,
+    coefficients: DampingCoefficients,
+    segments: int,
     frequencies: Array,
     ratio: float,
-    matrix: Callable[[int, float], Array],
-    **values: Any,
+    transition_matrix: Callable[[int, float], Array],
+    **template_values: Any,
 ) -> ExportedBeam:
-    """Write a beam with the longest step that meets the tolerance, and return its account.
+    """Write a beam with the longest step that meets the tolerance.
 
-    Frequencies, Hz, and damping ratio of mode 1 are those in the program, continuous in time; ``matrix`` is that of one
-    step, as of ``Segmented``, and ``values`` are those that the template needs.
+    ``frequencies``, Hz, and the damping ratio of mode 1, ``ratio``, are those of the beam in the program, continuous in
+    time.  ``transition_matrix`` is that of ``SimulatorBeam``, and the template uses ``template_values``.
     """
     for step in STEPS:
-        reached = _reached(given, frequencies, ratio, matrix, step)
+        reached = _simulated_modes(request, frequencies, ratio, transition_matrix, step)
         if reached is not None:
             break
     else:
         raise InputError(f"no step down to {STEPS[-1]:g} s keeps the frequencies; allow for more", "tolerance")
-    form, own = given.template.partition(".")[0], given.modes.frequencies
-    found = ExportedBeam(form, count, step, given.amplitude, own, reached[0], given.ratios, reached[1], law.warnings)
-    write_file(given.target, _filled(given.template, found, law=law, **values))
-    return found
+    exported = ExportedBeam(
+        format=request.template.partition(".")[0],
+        segments=segments,
+        step=step,
+        amplitude=request.amplitude,
+        frequencies=request.modes.frequencies,
+        reached_frequencies=reached[0],
+        damping_ratios=request.ratios,
+        reached_damping_ratios=reached[1],
+        warnings=coefficients.warnings,
+    )
+    write_file(request.target, _fill_template(request.template, exported, damping=coefficients, **template_values))
+    return exported
 
 
-def _reached(
-    given: Writing, frequencies: Array, ratio: float, matrix: Callable[[int, float], Array], step: float
+def _simulated_modes(
+    request: ExportRequest,
+    frequencies: Array,
+    ratio: float,
+    transition_matrix: Callable[[int, float], Array],
+    step: float,
 ) -> tuple[Array, Array] | None:
-    """Return frequencies and damping ratios with a step; None if it is unstable, or changes them too much."""
-    if not poles(matrix(0, MARGIN * step), MARGIN * step, COMPARED)[2]:
+    """Return frequencies and damping ratios under a step; None if it is unstable or changes them too much."""
+    if not poles(transition_matrix(0, STABILITY_MARGIN * step), STABILITY_MARGIN * step, COMPARED_MODES)[2]:
         return None
-    found = [poles(matrix(k, step), step, COMPARED)[:2] for k in range(COMPARED)]
-    if any(len(own) < COMPARED for own, _ in found):
+    mode_poles = [poles(transition_matrix(k, step), step, COMPARED_MODES)[:2] for k in range(COMPARED_MODES)]
+    if any(len(pole_frequencies) < COMPARED_MODES for pole_frequencies, _ in mode_poles):
         return None
-    reached, ratios = np.array([[own[k] for own in pair] for k, pair in enumerate(found)]).T
-    change = np.abs(reached / frequencies - 1.0).max()
-    if change > (1.0 - SHARE) * given.tolerance:
+    reached, ratios = np.array([[column[k] for column in columns] for k, columns in enumerate(mode_poles)]).T
+    if np.abs(reached / frequencies - 1.0).max() > (1.0 - SEGMENT_SHARE) * request.tolerance:
         return None
-    allowed = OF_RATIO * given.tolerance * max(ratio, UNDAMPED)
-    return None if abs(ratios[0] - ratio) > allowed else (reached, ratios)
+    ratio_tolerance = RATIO_TOLERANCES * request.tolerance * max(ratio, MIN_RATIO)
+    return None if abs(ratios[0] - ratio) > ratio_tolerance else (reached, ratios)
 
 
-def _filled(template: str, found: ExportedBeam, **values: Any) -> str:
-    """Return a template of this folder with the account of the beam, warnings and values."""
-    account = [line for line in found.table().text().splitlines() if line.strip("-")]
-    account += [f"Not represented: {one}." for one in found.warnings]
-    about = {"version": __version__, "account": "\n".join(account), "found": found}
-    return filled_template(FOLDER, template, about | values | {"shown": _ten_digits, "digits": _twelve_digits})
+def _fill_template(template: str, exported: ExportedBeam, **template_values: Any) -> str:
+    """Return a template of this folder, filled with the table of modes, the warnings and values."""
+    lines = [line for line in exported.table().text().splitlines() if line.strip("-")]
+    lines += [f"Not represented: {warning}." for warning in exported.warnings]
+    summary = {"version": __version__, "account": "\n".join(lines), "exported": exported}
+    formats = {"shown": _format_numbers, "digits": _round_digits}
+    return fill_template(FOLDER, template, summary | template_values | formats)
 
 
-def _ten_digits(*values: float) -> str:
+def _format_numbers(*values: float) -> str:
     return " ".join(f"{value:.10g}" for value in values)
 
 
-def _twelve_digits(values: Array) -> list[Any]:
+def _round_digits(values: Array) -> list[Any]:
     """Return numbers as lists, rounded to twelve digits."""
     rounded: list[Any] = np.vectorize(lambda x: float(f"{x:.12g}"), otypes=[float])(values).tolist()
     return rounded

@@ -23,23 +23,23 @@ from numpy.typing import NDArray
 
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.records.channel import RecordedChannel, Recording, is_time
-from ancf_casadi.records.reading.libraries import read_isolated, readable
-from ancf_casadi.records.reading.worker import check_unpacked, real_parts
-from ancf_casadi.records.units import Unit, parse_unit, unit_of
+from ancf_casadi.records.reading.libraries import library_errors, read_in_process
+from ancf_casadi.records.reading.worker import check_data_size, real_parts
+from ancf_casadi.records.units import Unit, column_unit, parse_unit
 
-MOST_CHANNELS = 10_000
+MAX_CHANNELS = 10_000
 STEP_NAMES = {"dt", "deltat", "ts", "tstep", "timestep", "tinc", "tinterval", "xincrement", "sampleinterval"}
 RATE_NAMES = {"fs", "fsamp", "sr", "rate", "samplerate", "samplingrate", "samplefrequency", "samplingfrequency", "fps"}
 
 
 @np.errstate(all="ignore")  # extended precision may hold larger numbers
-def recording_of(
+def columns_recording(
     path: Path,
     arrays: Iterable[tuple[str, NDArray[Any]]],
     notes: Iterable[str] = (),
     units: Mapping[str, str] = MappingProxyType({}),
 ) -> Recording:
-    """Return the columns of named arrays: vectors, and matrices along their longer side; notes name the others."""
+    """Return named arrays as columns: vectors, and matrices along their longer side; notes name arrays left out."""
     channels: list[RecordedChannel] = []
     remarks = list(notes)
     step: float | None = None
@@ -57,19 +57,19 @@ def recording_of(
             remarks.append(f"{name!r} is no real vector or matrix, and is left out")
             continue
         if values.ndim == 0:
-            stated = stated_step(name, float(values))
-            step = step or stated
-            if not stated:
+            number_step = stated_step(name, float(values))
+            step = step or number_step
+            if not number_step:
                 remarks.append(f"{name!r} is a single number, {float(values):g}, and is left out")
             continue
         columns = values[:, None] if values.ndim == 1 else values if values.shape[0] >= values.shape[1] else values.T
-        if len(channels) + columns.shape[1] > MOST_CHANNELS:
+        if len(channels) + columns.shape[1] > MAX_CHANNELS:
             remarks.append(f"{name!r} has too many columns, and is left out")
             continue
-        symbol, unit = ("s", parse_unit("s")) if stamps else unit_of(units.get(name, ""), name)
+        symbol, unit = ("s", parse_unit("s")) if stamps else column_unit(units.get(name, ""), name)
         for k, column in enumerate(columns.T, 1):
-            own = name if columns.shape[1] == 1 else f"{name}[{k}]"
-            channels.append(RecordedChannel(len(channels) + 1, own, np.array(column, dtype=float), symbol, unit))
+            label = name if columns.shape[1] == 1 else f"{name}[{k}]"
+            channels.append(RecordedChannel(len(channels) + 1, label, np.array(column, dtype=float), symbol, unit))
     return Recording(str(path), tuple(channels), tuple(remarks), step=step)
 
 
@@ -79,7 +79,7 @@ def seconds_from_first(dates: NDArray[Any]) -> NDArray[Any]:
 
 
 def stated_step(name: str, value: float) -> float | None:
-    """Return the time between samples, s, that a number states, such as ``dt`` or ``run.Fs``; None for any other."""
+    """Return the time between samples, s, from a number such as ``dt`` or ``run.Fs``; None for other names."""
     field = name.rpartition(".")[2].casefold().replace("_", "")
     if not 0.0 < value < np.inf:
         return None
@@ -88,27 +88,27 @@ def stated_step(name: str, value: float) -> float | None:
 
 def read_matlab(path: Path) -> Recording:
     """Read the numeric variables of a MATLAB file of version 4 to 7."""
-    arrays, properties = read_isolated("matlab", "scipy", path, "MATLAB")
-    return recording_of(path, arrays.items(), properties["notes"])
+    arrays, properties = read_in_process("matlab", "scipy", path, "MATLAB")
+    return columns_recording(path, arrays.items(), properties["notes"])
 
 
 def read_hdf5(path: Path) -> Recording:
     """Read the numeric data sets of a MATLAB file of version 7.3, or of any HDF5 file."""
-    arrays, properties = read_isolated("hdf5", "h5py", path, "HDF5")
+    arrays, properties = read_in_process("hdf5", "h5py", path, "HDF5")
     if not arrays:
         raise InputError("has no data sets of numbers", str(path))
-    found = recording_of(path, arrays.items(), properties["notes"], properties["units"])
-    given = properties["rates"]  # of the whole array, of which the channel may be one column
-    names = [channel.name for channel in found.channels]
-    rates = {name: given.get(name) or given.get(name.rpartition("[")[0]) for name in names}
-    if not any(rates.values()) or any(map(is_time, found.channels)):
-        return found
+    recording = columns_recording(path, arrays.items(), properties["notes"], properties["units"])
+    rates_by_array = properties["rates"]  # a channel may be one column of an array
+    names = [channel.name for channel in recording.channels]
+    rates = {name: rates_by_array.get(name) or rates_by_array.get(name.rpartition("[")[0]) for name in names}
+    if not any(rates.values()) or any(map(is_time, recording.channels)):
+        return recording
     timed = [
         replace(channel, time=np.arange(len(channel.values)) / rate) if (rate := rates[channel.name]) else channel
-        for channel in found.channels
+        for channel in recording.channels
     ]
-    told = ", ".join(f"{rate:g}" for rate in dict.fromkeys(rates.values()) if rate)
-    notes = (*found.notes, f"times from the sampling rate in an attribute, {told} 1/s")
+    rates_text = ", ".join(f"{rate:g}" for rate in dict.fromkeys(rates.values()) if rate)
+    notes = (*recording.notes, f"times from the sampling rate in an attribute, {rates_text} 1/s")
     return Recording(str(path), tuple(timed), notes)
 
 
@@ -116,11 +116,11 @@ def read_npz(file: BinaryIO, path: Path) -> Recording:
     """Read the arrays of an ``.npz`` file."""
     arrays: list[tuple[str, NDArray[Any]]] = []
     notes: list[str] = []
-    with readable(str(path), "NPZ"), zipfile.ZipFile(file) as archive:
+    with library_errors(str(path), "NPZ"), zipfile.ZipFile(file) as archive:
         members = [member for member in archive.infolist() if member.filename.endswith(".npy")]
         if not members:
             raise InputError("is a ZIP archive without NumPy arrays; export the data as CSV", str(path))
-        check_unpacked(sum(member.file_size for member in members), path.stat().st_size)
+        check_data_size(sum(member.file_size for member in members), path.stat().st_size)
         for member in members:
             name = member.filename.removesuffix(".npy")
             with archive.open(member) as content:
@@ -129,23 +129,23 @@ def read_npz(file: BinaryIO, path: Path) -> Recording:
                 notes.append(f"{name!r} holds Python objects, and is left out")
             else:
                 arrays.append((name, array))
-    return recording_of(path, arrays, notes)
+    return columns_recording(path, arrays, notes)
 
 
 def read_npy(file: BinaryIO, path: Path) -> Recording:
     """Read the array of an ``.npy`` file."""
-    with readable(str(path), "NPY"):
+    with library_errors(str(path), "NPY"):
         array = _array(file, path.stat().st_size, str(path))
         if array is None:
             raise InputError("holds Python objects, which are not read; save arrays of numbers", str(path))
-    return recording_of(path, [("values", array)])
+    return columns_recording(path, [("values", array)])
 
 
 def read_wav(file: BinaryIO, path: Path) -> Recording:
     """Read the channels of a sound, as fractions of full scale, with its sampling rate."""
     from scipy.io import wavfile  # slow to import
 
-    with readable(str(path), "WAV"):
+    with library_errors(str(path), "WAV"):
         rate, samples = wavfile.read(io.BytesIO(file.read()))
     values = np.asarray(samples, dtype=float).reshape(len(samples), -1)
     if samples.dtype.kind == "u":
@@ -160,11 +160,11 @@ def read_wav(file: BinaryIO, path: Path) -> Recording:
     return Recording(str(path), tuple(channels), (f"times from the sampling rate in the file, {rate:g} 1/s",))
 
 
-def _array(file: BinaryIO, size: int, where: str) -> NDArray[Any] | None:
+def _array(file: BinaryIO, size: int, place: str) -> NDArray[Any] | None:
     """Return the array in a file of ``size`` bytes; None if it has Python objects."""
     content = file.read(size)
     if len(content) != size:
-        raise InputError("is shorter than the archive says; it is damaged", where)
+        raise InputError("is shorter than the archive says; it is damaged", place)
     stream = io.BytesIO(content)
     version = npy.read_magic(stream)
     read_header = npy.read_array_header_1_0 if version == (1, 0) else npy.read_array_header_2_0
@@ -172,6 +172,6 @@ def _array(file: BinaryIO, size: int, where: str) -> NDArray[Any] | None:
     if dtype.hasobject:
         return None
     if math.prod(shape) * dtype.itemsize != size - stream.tell():
-        raise InputError("declares another size than it has; it is damaged", where)
+        raise InputError("declares another size than it has; it is damaged", place)
     stream.seek(0)
     return np.asarray(npy.read_array(stream, allow_pickle=False))

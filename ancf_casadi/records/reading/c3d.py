@@ -14,7 +14,7 @@ import numpy as np
 
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.records.channel import RecordedChannel, Recording
-from ancf_casadi.records.reading.libraries import read_isolated
+from ancf_casadi.records.reading.libraries import read_in_process
 from ancf_casadi.records.units import parse_unit
 from ancf_casadi.support.arrays import Array
 
@@ -25,7 +25,7 @@ ENDIANNESS = {84: "<", 85: "<", 86: ">"}  # by the processor that wrote the file
 def read_c3d(path: Path) -> Recording:
     """Read markers and analog channels of a C3D file; a marker that is not seen is a gap."""
     _check_sizes(path)
-    arrays, properties = read_isolated("c3d", "ezc3d", path, "C3D")
+    arrays, properties = read_in_process("c3d", "ezc3d", path, "C3D")
     points, analogs = arrays["points"], arrays["analogs"]
     channels: list[RecordedChannel] = []
     if points.size:
@@ -45,8 +45,8 @@ def read_c3d(path: Path) -> Recording:
     return Recording(str(path), tuple(channels))
 
 
-def _labels(given: Sequence[object], count: int, default: str) -> list[str]:
-    labels = [str(label).strip() for label in given][:count]
+def _labels(labels_in_file: Sequence[object], count: int, default: str) -> list[str]:
+    labels = [str(label).strip() for label in labels_in_file][:count]
     return [label or f"{default} {k + 1}" for k, label in enumerate([*labels, *[""] * (count - len(labels))])]
 
 

@@ -17,10 +17,10 @@ from ancf_casadi.records.reading.c3d import read_c3d
 from ancf_casadi.records.reading.labview import read_lvm, read_tdms
 from ancf_casadi.records.reading.text.reader import read_text
 from ancf_casadi.records.reading.uff import read_uff
-from ancf_casadi.support.files import opened
+from ancf_casadi.support.files import open_file
 from ancf_casadi.support.inputs import LARGEST_TIME
 
-BYTES_LOOKED_AT = 1024  # bytes looked at
+SIGNATURE_BYTES = 1024
 HDF5 = b"\x89HDF\r\n\x1a\n"
 UNIVERSAL = re.compile(rb"\s*\r?\n? {4}-1 *\r?\n *\d+", re.ASCII)
 OTHER_FORMATS = {
@@ -33,26 +33,26 @@ OTHER_FORMATS = {
 
 
 def read_contents(path: str | Path, *, layout: TableLayout = NO_LAYOUT, progress: bool = False) -> Recording:
-    """Read all columns of a file of at most 1 GiB; refuse one in no known format."""
-    with opened(path, 2**30) as file:
-        start = file.read(BYTES_LOOKED_AT)
+    """Read all columns of a file of at most 1 GiB."""
+    with open_file(path, 2**30) as file:
+        start = file.read(SIGNATURE_BYTES)
         file.seek(0)
-        found = _read(Path(path), file, start, layout, progress)
-    if not found.channels:
+        recording = _read(Path(path), file, start, layout, progress)
+    if not recording.channels:
         raise InputError("has no channels of numbers", str(path))
-    channels = chosen_channels(found.channels, layout, str(path))
-    return replace(found, channels=tuple(map(_within_range, channels)))
+    channels = chosen_channels(recording.channels, layout, str(path))
+    return replace(recording, channels=tuple(map(_within_range, channels)))
 
 
 def _within_range(channel: RecordedChannel) -> RecordedChannel:
     """Return a channel, with a fault if a number has no finite square."""
     largest = np.abs(channel.values).max(initial=0.0, where=np.isfinite(channel.values))
-    beyond = f"has numbers beyond {LARGEST_TIME:g}, such as {largest:g}" if largest > LARGEST_TIME else ""
-    return replace(channel, fault=channel.fault or beyond)
+    fault = f"has numbers beyond {LARGEST_TIME:g}, such as {largest:g}" if largest > LARGEST_TIME else ""
+    return replace(channel, fault=channel.fault or fault)
 
 
 def _read(path: Path, file: BinaryIO, start: bytes, layout: TableLayout, progress: bool) -> Recording:
-    """Read an open file; the readers in a process of their own, and that of universal files, open it again."""
+    """Read an open file; readers in another process, and that of universal files, open it again."""
     suffix = path.suffix.lower()
     for signature, message in OTHER_FORMATS.items():
         if start.startswith(signature):
@@ -69,7 +69,7 @@ def _read(path: Path, file: BinaryIO, start: bytes, layout: TableLayout, progres
         return read_npy(file, path)
     if start.startswith(b"TDSm"):
         return read_tdms(file, path)
-    if suffix == ".c3d" or (len(start) == BYTES_LOOKED_AT and start[1] == 0x50 and start[0] < 10 and b"\0" in start):
+    if suffix == ".c3d" or (len(start) == SIGNATURE_BYTES and start[1] == 0x50 and start[0] < 10 and b"\0" in start):
         return read_c3d(path)
     if start[:4] in (b"RIFF", b"RIFX", b"RF64") and start[8:12] == b"WAVE":
         return read_wav(file, path)

@@ -1,7 +1,7 @@
 """Files of LabVIEW: LVM text files through lvm-read, and TDMS files, which DIAdem writes too, through nptdms.
 
-lvm-read gets lines instead of the file: from a file, it would read a pickled copy beside it, and leave one.  It keeps
-each number as an object, and therefore gets them block by block, each below the header.
+lvm-read gets lines instead of the file, because it would read and write a pickled copy beside the file.  It stores each
+number as an object, and therefore gets them block by block, each below the header.
 """
 
 from __future__ import annotations
@@ -16,11 +16,11 @@ import numpy as np
 
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.records.channel import RecordedChannel, Recording
-from ancf_casadi.records.reading.arrays import MOST_CHANNELS, seconds_from_first
-from ancf_casadi.records.reading.libraries import readable
-from ancf_casadi.records.reading.text.reader import decoded, text_blocks
-from ancf_casadi.records.reading.worker import MOST_DATA_BYTES
-from ancf_casadi.records.units import parse_unit, unit_of
+from ancf_casadi.records.reading.arrays import MAX_CHANNELS, seconds_from_first
+from ancf_casadi.records.reading.libraries import library_errors
+from ancf_casadi.records.reading.text.reader import decode_text, text_blocks
+from ancf_casadi.records.reading.worker import MAX_DATA_BYTES
+from ancf_casadi.records.units import column_unit, parse_unit
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.optional import library
 
@@ -33,9 +33,10 @@ def read_lvm(file: BinaryIO, path: Path) -> Recording:
     header: list[str] = []
     blocks: list[Array] = []
     segments = 0
-    with readable(str(path), "LVM"):
+    with library_errors(str(path), "LVM"):
         for block in text_blocks(file, path):
-            lines = [f"{line}\n" for line in decoded(block).removesuffix("\n").split("\n")]
+            lines = [f"{line}\n" for line in decode_text(block).removesuffix("\n").split("\n")]
+            # the first marker ends the header of the file, each further one that of a segment
             segments += sum(line.startswith(END_OF_HEADER) for line in lines) - (not header)
             end = next((k for k, line in enumerate(lines, start=1) if line.startswith("X_Value")), len(lines))
             header, lines = header or lines[:end], lines[0 if header else end :]
@@ -44,7 +45,7 @@ def read_lvm(file: BinaryIO, path: Path) -> Recording:
             if segments > 1:
                 raise InputError(f"has {segments} segments; save each in a file of its own", str(path))
             blocks.append(np.asarray(contents[0]["data"], dtype=float))
-        return Recording(str(path), tuple(_channels(contents, contents[0], _stacked(blocks))))
+        return Recording(str(path), tuple(_channels(contents, contents[0], _stack_rows(blocks))))
 
 
 def _separator(header: Sequence[str]) -> str:
@@ -53,7 +54,7 @@ def _separator(header: Sequence[str]) -> str:
     return line.strip()[9:10] or "\t"
 
 
-def _stacked(blocks: Sequence[Array]) -> Array:
+def _stack_rows(blocks: Sequence[Array]) -> Array:
     """Return the rows of blocks, the shorter ones with nan at their ends."""
     if any(block.ndim != 2 for block in blocks):
         raise InputError("has no rows of numbers")
@@ -71,22 +72,22 @@ def _channels(header: Mapping[str, Any], segment: Mapping[str, Any], data: Array
     layout = str(header.get("X_Columns", "One"))
     symbols = [str(text).strip() for text in segment.get("Y_Unit_Label", [])]
     channels: list[RecordedChannel] = []
-    shared: Array | None = None
-    own: Array | None = None
+    first_x_values: Array | None = None
+    x_values: Array | None = None
     for k, name in enumerate(names[: data.shape[1]]):
         if name == "Comment":
             continue
         if name == "X_Value":
-            own = data[:, k]
-            shared = own if shared is None else shared
+            x_values = data[:, k]
+            first_x_values = x_values if first_x_values is None else first_x_values
             continue
         place = len(channels)
-        time = own if layout == "Multi" else shared
+        time = x_values if layout == "Multi" else first_x_values
         if time is None:
             starts, steps = (dict(enumerate(segment.get(key, []))) for key in ("X0", "Delta_X"))
             time = _even(starts.get(place), steps.get(place), len(data))
         written = symbols[place] if place < len(symbols) else ""
-        channels.append(RecordedChannel(place + 1, name, data[:, k], *unit_of(written, name), time))
+        channels.append(RecordedChannel(place + 1, name, data[:, k], *column_unit(written, name), time))
     return channels
 
 
@@ -94,8 +95,8 @@ def _even(start: Any, step: Any, count: int) -> Array | None:
     """Return times with an increment, s; None if the file gives none."""
     if not isinstance(step, float | int) or not np.isfinite(step) or not step > 0:
         return None
-    known = isinstance(start, float | int) and np.isfinite(start)
-    return (float(start) if known else 0.0) + float(step) * np.arange(count, dtype=float)
+    has_start = isinstance(start, float | int) and np.isfinite(start)
+    return (float(start) if has_start else 0.0) + float(step) * np.arange(count, dtype=float)
 
 
 def read_tdms(stream: BinaryIO, path: Path) -> Recording:
@@ -104,17 +105,17 @@ def read_tdms(stream: BinaryIO, path: Path) -> Recording:
     notes: list[str] = []
     channels: list[RecordedChannel] = []
     starts: list[Any] = []
-    with readable(str(path), "TDMS"), nptdms.TdmsFile.open(stream) as file:
-        found = [channel for group in file.groups() for channel in group.channels()]
+    with library_errors(str(path), "TDMS"), nptdms.TdmsFile.open(stream) as file:
+        tdms_channels = [channel for group in file.groups() for channel in group.channels()]
         size = path.stat().st_size
-        if len(found) > MOST_CHANNELS:
-            raise InputError(f"has more than {MOST_CHANNELS} channels", str(path))
-        for item in found:
+        if len(tdms_channels) > MAX_CHANNELS:
+            raise InputError(f"has more than {MAX_CHANNELS} channels", str(path))
+        for item in tdms_channels:
             name = item.name if len(file.groups()) == 1 else f"{item.group_name}/{item.name}"
             if item.dtype is None or item.dtype.kind not in "fiuM":
                 notes.append(f"{name!r} has no numbers, and is left out")
                 continue
-            if len(item) * item.dtype.itemsize > min(size * 2, MOST_DATA_BYTES):
+            if len(item) * item.dtype.itemsize > min(size * 2, MAX_DATA_BYTES):
                 raise InputError("declares more samples than it holds; it is damaged", f"{path}: {name}")
             channels.append(_channel(len(channels) + 1, name, item))
             starts.append(item.properties.get("wf_start_time"))
@@ -122,7 +123,7 @@ def read_tdms(stream: BinaryIO, path: Path) -> Recording:
 
 
 def _on_one_clock(channels: Sequence[RecordedChannel], starts: Sequence[Any]) -> tuple[RecordedChannel, ...]:
-    """Return waveforms with times from the first start of all, where all state the instant of their start."""
+    """Return waveforms with times from the earliest start, if all state the instant of their start."""
     timed = [k for k, channel in enumerate(channels) if channel.time is not None]
     instants = {
         k: int(np.datetime64(starts[k], "ns").astype(np.int64))
@@ -145,4 +146,4 @@ def _channel(number: int, name: str, item: Any) -> RecordedChannel:
         return RecordedChannel(number, name, np.asarray(seconds_from_first(values), dtype=float), "s", parse_unit("s"))
     written = str(item.properties.get("unit_string", "")).strip()
     time = _even(item.properties.get("wf_start_offset"), item.properties.get("wf_increment"), len(values))
-    return RecordedChannel(number, name, np.array(values, dtype=float), *unit_of(written, item.name), time)
+    return RecordedChannel(number, name, np.array(values, dtype=float), *column_unit(written, item.name), time)

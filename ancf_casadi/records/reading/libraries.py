@@ -1,6 +1,6 @@
-"""Libraries for file formats; whatever they raise becomes an ``InputError``.
+"""Libraries for file formats; any exception of theirs becomes an ``InputError``.
 
-Compiled libraries read in a process of their own (``worker``), which they may crash.
+Compiled libraries run in another process (``worker``), which they may crash.
 """
 
 from __future__ import annotations
@@ -21,24 +21,24 @@ import numpy as np
 
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.records.reading import worker
-from ancf_casadi.records.reading.worker import Unusable
+from ancf_casadi.records.reading.worker import UnusableFileError
 from ancf_casadi.support.arrays import Array
-from ancf_casadi.support.optional import installed
+from ancf_casadi.support.optional import find_module
 
 ONE_THREAD = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1", "MKL_NUM_THREADS": "1"}  # threads reserve memory
 
 
 @contextmanager
-def readable(path: str, format_name: str) -> Iterator[None]:
-    """Turn every failure of a library into an ``InputError``: a damaged file may make it fail anywhere."""
-    logging.disable(logging.CRITICAL)  # nptdms logs what it doubts
+def library_errors(path: str, format_name: str) -> Iterator[None]:
+    """Turn every exception of a library into an ``InputError``: with a damaged file, any may occur."""
+    logging.disable(logging.CRITICAL)  # nptdms logs warnings
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             yield
     except InputError:
         raise
-    except Unusable as error:
+    except UnusableFileError as error:
         raise InputError(str(error), path) from None
     except Exception as error:
         reason = " ".join(str(error).split())[:80] or type(error).__name__
@@ -47,28 +47,30 @@ def readable(path: str, format_name: str) -> Iterator[None]:
         logging.disable(logging.NOTSET)
 
 
-def read_isolated(kind: str, module: str, path: Path, format_name: str) -> tuple[dict[str, Array], dict[str, Any]]:
-    """Return the arrays and the properties that the reader ``kind`` of ``worker`` finds in a file with its library."""
-    installed(module, f"{format_name} files need it")
+def read_in_process(kind: str, module: str, path: Path, format_name: str) -> tuple[dict[str, Array], dict[str, Any]]:
+    """Read the arrays and properties of a file by the reader ``kind`` of ``worker``, in another process."""
+    find_module(module, f"{format_name} files need it")
     command = [sys.executable, "-P", "-W", "ignore", worker.__file__, kind, os.path.abspath(path)]
     try:
-        # s: what a loaded machine may take, and 1 MB/s, which it reads at least
+        # s: a margin for a loaded machine, and the time at the lowest rate, 1 MB/s
         run = subprocess.run(
             command, stdin=subprocess.DEVNULL, capture_output=True, check=False, env=os.environ | ONE_THREAD,
             timeout=60.0 + path.stat().st_size / (2**20),
         )  # fmt: skip
     except subprocess.TimeoutExpired:
         raise InputError(f"takes too long to read, and is probably no {format_name} file", str(path)) from None
-    head, _, content = run.stdout.partition(b"\n")
-    found: dict[str, Any] = json.loads(head) if head.startswith(b"{") and head.endswith(b"}") else {}
-    if "refused" in found:
-        raise InputError(found["refused"], str(path))
-    if run.returncode or "arrays" not in found:
-        reason = found.get("unreadable", "it crashed the library, or exceeded memory or time")
+    header_line, _, content = run.stdout.partition(b"\n")
+    properties: dict[str, Any] = (
+        json.loads(header_line) if header_line.startswith(b"{") and header_line.endswith(b"}") else {}
+    )
+    if "refused" in properties:
+        raise InputError(properties["refused"], str(path))
+    if run.returncode or "arrays" not in properties:
+        reason = properties.get("unreadable", "it crashed the library, or exceeded memory or time")
         raise InputError(f"is no readable {format_name} file ({reason})", str(path))
     arrays, start = {}, 0
-    for name, shape in found.pop("arrays"):
+    for name, shape in properties.pop("arrays"):
         values = np.frombuffer(content, dtype="<f8", count=math.prod(shape), offset=start).reshape(shape)
         arrays[name] = values.astype(float)
         start += values.nbytes
-    return arrays, found
+    return arrays, properties

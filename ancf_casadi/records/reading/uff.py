@@ -15,7 +15,7 @@ import numpy as np
 
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.records.channel import RecordedChannel, Recording
-from ancf_casadi.records.reading.libraries import readable
+from ancf_casadi.records.reading.libraries import library_errors
 from ancf_casadi.records.units import Unit, parse_unit
 from ancf_casadi.support.optional import library
 
@@ -32,7 +32,7 @@ def read_uff(path: Path) -> Recording:
     notes: list[str] = []
     channels: list[RecordedChannel] = []
     spectra: list[Mapping[str, Any]] = []
-    with readable(str(path), "UFF"):
+    with library_errors(str(path), "UFF"):
         file = pyuff.UFF(str(path))
         types = [int(kind) for kind in file.get_set_types()]
         length, force = 1.0, 1.0
@@ -62,7 +62,7 @@ def read_uff(path: Path) -> Recording:
 
 
 def _without_padding(function: Mapping[str, Any]) -> Mapping[str, Any]:
-    """Return a function without what fills its last row beyond the stated number of values."""
+    """Return a function without the padding of its last row beyond the stated number of values."""
     count = int(function["num_pts"])
     return {**function, "data": function["data"][:count], "x": function["x"][:count]}
 
@@ -76,10 +76,10 @@ def _spectral(number: int, function: Mapping[str, Any], length: float, force: fl
     if int(function["func_type"]) == COHERENCE:
         yield RecordedChannel(number, f"{name} coherence", values.real.astype(float), reference=reference)
         return
-    above, below = (_unit(function, axis, length, force)[0] for axis in ("ordinate", "orddenom"))
-    symbol = f"({above})/({below})" if below else above
-    for k, (part, column) in enumerate((("real", values.real), ("imag", values.imag))):
-        yield RecordedChannel(number + k, f"{name} {part}", column.astype(float), symbol, reference=reference)
+    numerator, denominator = (_unit(function, axis, length, force)[0] for axis in ("ordinate", "orddenom"))
+    symbol = f"({numerator})/({denominator})" if denominator else numerator
+    for k, (component, column) in enumerate((("real", values.real), ("imag", values.imag))):
+        yield RecordedChannel(number + k, f"{name} {component}", column.astype(float), symbol, reference=reference)
 
 
 def _name(function: Mapping[str, Any]) -> str:
@@ -101,7 +101,7 @@ def _channel(number: int, function: Mapping[str, Any], length: float, force: flo
 
 
 def _unit(function: Mapping[str, Any], axis: str, length: float, force: float) -> tuple[str, Unit | None]:
-    """Return the unit of the values, or of their denominator: as its label says it, or the kind of data and factors."""
+    """Return the unit of the values or of their denominator, from its label, or from the kind of data and factors."""
     written = str(function.get(f"{axis}_axis_units_lab", "")).strip()
     if written not in ("", "NONE"):
         return written, parse_unit(written)

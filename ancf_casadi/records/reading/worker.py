@@ -1,4 +1,4 @@
-"""Reading by compiled libraries, in a process of its own.
+"""Reading by compiled libraries, in a separate process.
 
 A damaged file can crash SciPy, h5py or ezc3d with the whole process, or make them allocate or loop without end.  This
 file therefore also runs as a script, with limits of memory and time, and imports nothing of the toolkit, so that it
@@ -20,24 +20,24 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-MOST_DATA_BYTES = 2**30  # bytes that the data of a file may take
-MOST_ITEMS = 10_000
+MAX_DATA_BYTES = 2**30  # of the data in a file
+MAX_ITEMS = 10_000
 NUMERIC = {"double", "single", *(f"{sign}int{bits}" for sign in ("", "u") for bits in (8, 16, 32, 64))}
 UNIT_ATTRIBUTE = re.compile(r"units?|unit_string|y[ _]?units?", re.IGNORECASE)
 RATE_ATTRIBUTE = re.compile(r"(?:sampl(?:e|ing)[ _]?)(?:rate|freq|frequency)(?:[ _]?\(?hz\)?)?|fs", re.IGNORECASE)
-Found = tuple[list[tuple[str, NDArray[Any]]], dict[str, Any]]  # named arrays, and properties
+FileContents = tuple[list[tuple[str, NDArray[Any]]], dict[str, Any]]  # named arrays, and properties
 
 
-class Unusable(Exception):
+class UnusableFileError(Exception):
     """The reason why a file is refused."""
 
 
-def check_unpacked(size: int, packed: int) -> None:
-    """Refuse ``size`` bytes of data that a file of ``packed`` bytes cannot hold, or of more than 1 GiB."""
+def check_data_size(size: int, packed: int) -> None:
+    """Check that a file of ``packed`` bytes can hold ``size`` bytes of data, at most 1 GiB."""
     if size > 1100 * packed:  # unpacked bytes per byte of a compressed file; deflate reaches 1032
-        raise Unusable(f"declares {size} bytes of data, which its {packed} bytes cannot hold; it is damaged")
-    if size > MOST_DATA_BYTES:
-        raise Unusable(f"unpacks to more than {MOST_DATA_BYTES >> 20} MB; shorten the record")
+        raise UnusableFileError(f"declares {size} bytes of data, which its {packed} bytes cannot hold; it is damaged")
+    if size > MAX_DATA_BYTES:
+        raise UnusableFileError(f"unpacks to more than {MAX_DATA_BYTES >> 20} MB; shorten the record")
 
 
 def real_parts(arrays: Iterable[tuple[str, NDArray[Any]]]) -> Iterator[tuple[str, NDArray[Any]]]:
@@ -52,7 +52,7 @@ def real_parts(arrays: Iterable[tuple[str, NDArray[Any]]]) -> Iterator[tuple[str
             yield name, array
 
 
-def matlab(path: str) -> Found:
+def matlab(path: str) -> FileContents:
     """Return the numeric variables of a MATLAB file of version 4 to 7, and the numeric fields of its structs."""
     from scipy.io import loadmat, whosmat
 
@@ -60,19 +60,19 @@ def matlab(path: str) -> Found:
     notes: list[str] = []
     size = 0
     for name, shape, kind in whosmat(path, appendmat=False):
-        if kind in NUMERIC | {"struct"} and len(wanted) < MOST_ITEMS:
+        if kind in NUMERIC | {"struct"} and len(wanted) < MAX_ITEMS:
             wanted.append(name)
             size += math.prod(int(n) for n in shape) * (8 if kind == "struct" else np.dtype(kind).itemsize)
         else:
             notes.append(f"{name!r} is a {kind}, and is left out; save its content as variables")
-    check_unpacked(size, os.path.getsize(path))
-    found = loadmat(path, variable_names=wanted, appendmat=False) if wanted else {}
-    arrays = [one for name in wanted if name in found for one in fields_of(name, found[name])][:MOST_ITEMS]
-    check_unpacked(sum(array.nbytes for _, array in arrays), os.path.getsize(path))
+    check_data_size(size, os.path.getsize(path))
+    variables = loadmat(path, variable_names=wanted, appendmat=False) if wanted else {}
+    arrays = [item for name in wanted if name in variables for item in struct_fields(name, variables[name])][:MAX_ITEMS]
+    check_data_size(sum(array.nbytes for _, array in arrays), os.path.getsize(path))
     return arrays, {"notes": notes}
 
 
-def fields_of(name: str, value: Any) -> Iterator[tuple[str, NDArray[Any]]]:
+def struct_fields(name: str, value: Any) -> Iterator[tuple[str, NDArray[Any]]]:
     """Yield the numeric arrays in a struct or struct array of MATLAB, each with its path, such as ``run[2].tip``."""
     if not isinstance(value, np.ndarray):
         return
@@ -80,13 +80,13 @@ def fields_of(name: str, value: Any) -> Iterator[tuple[str, NDArray[Any]]]:
         if value.dtype.kind in "fiuc":
             yield name, value
         return
-    for k, one in enumerate(value.ravel(), start=1):
-        own = name if value.size == 1 else f"{name}[{k}]"
+    for k, element in enumerate(value.ravel(), start=1):
+        path = name if value.size == 1 else f"{name}[{k}]"
         for field in value.dtype.names:
-            yield from fields_of(f"{own}.{field}", one[field])
+            yield from struct_fields(f"{path}.{field}", element[field])
 
 
-def hdf5(path: str) -> Found:
+def hdf5(path: str) -> FileContents:
     """Return the numeric data sets of a MATLAB file of version 7.3, or of any HDF5 file, with units and rates."""
     h5py = importlib.import_module("h5py")
 
@@ -95,24 +95,29 @@ def hdf5(path: str) -> Found:
     units: dict[str, str] = {}
     rates: dict[str, float] = {}
     with h5py.File(path, "r") as file:
-        found: list[tuple[str, Any]] = []
+        data_sets: list[tuple[str, Any]] = []
 
         def visit(_: str, item: Any) -> bool | None:
             if isinstance(item, h5py.Dataset) and not item.name.startswith("/#refs#"):
-                found.extend(_elements(file, item, h5py))
-            return True if len(found) >= MOST_ITEMS else None
+                data_sets.extend(_elements(file, item, h5py))
+            return True if len(data_sets) >= MAX_ITEMS else None
 
         file.visititems(visit)
         total = 0
-        for name, item in found[:MOST_ITEMS]:
+        for name, item in data_sets[:MAX_ITEMS]:
             if item.attrs.get("MATLAB_class", b"") == b"char":
                 continue
-            pair = item.dtype.names in (("real", "imag"), ("r", "i")) or item.dtype.kind == "c"
-            if (item.dtype.kind not in "fiu" and not pair) or item.shape is None or item.external or item.is_virtual:
+            is_complex = item.dtype.names in (("real", "imag"), ("r", "i")) or item.dtype.kind == "c"
+            if (
+                (item.dtype.kind not in "fiu" and not is_complex)
+                or item.shape is None
+                or item.external
+                or item.is_virtual
+            ):
                 notes.append(f"{name!r} has no numbers of its own, and is left out")
                 continue
             total += item.size * item.dtype.itemsize
-            check_unpacked(total, os.path.getsize(path))
+            check_data_size(total, os.path.getsize(path))
             arrays.append((name, item[()]))
             if unit := _attribute(item, UNIT_ATTRIBUTE, str):
                 units[name] = unit
@@ -123,15 +128,17 @@ def hdf5(path: str) -> Found:
 
 
 def _elements(file: Any, item: Any, h5py: Any) -> list[tuple[str, Any]]:
-    """Return a data set with its path; of a field of a struct array of MATLAB, those that it refers to."""
+    """Return a data set with its path; for a field of a MATLAB struct array, the data sets to which it refers."""
     name = item.name.strip("/").replace("/", ".")
     inside, _, field = name.rpartition(".")
     if h5py.check_ref_dtype(item.dtype) is None or not inside or item.attrs.get("MATLAB_class", b"") == b"cell":
         return [(name, item)]
-    if item.size > MOST_ITEMS or item.external or item.is_virtual:
+    if item.size > MAX_ITEMS or item.external or item.is_virtual:
         return [(name, item)]
     targets = [file[reference] for reference in np.ravel(item[()]) if reference]
-    return [(f"{inside}[{k}].{field}", one) for k, one in enumerate(targets, 1) if isinstance(one, h5py.Dataset)]
+    return [
+        (f"{inside}[{k}].{field}", target) for k, target in enumerate(targets, 1) if isinstance(target, h5py.Dataset)
+    ]
 
 
 def _attribute(item: Any, names: re.Pattern[str], kind: type[Any]) -> Any:
@@ -144,14 +151,14 @@ def _attribute(item: Any, names: re.Pattern[str], kind: type[Any]) -> Any:
             continue
         if kind is float and value.dtype.kind in "fiu" and 0.0 < float(value[0]) < math.inf:
             return float(value[0])
-        one = value[0].decode("utf-8", "replace") if isinstance(value[0], bytes) else value[0]
-        if kind is str and isinstance(one, str):
-            return one.strip()
+        text = value[0].decode("utf-8", "replace") if isinstance(value[0], bytes) else value[0]
+        if kind is str and isinstance(text, str):
+            return text.strip()
     return None
 
 
-def c3d(path: str) -> Found:
-    """Return the points (3, markers, frames), nan where not seen, and the analog channels of a C3D file."""
+def c3d(path: str) -> FileContents:
+    """Return the points (3, markers, frames), nan in frames without the marker, and the analog channels."""
     ezc3d = importlib.import_module("ezc3d")
 
     file = ezc3d.c3d(path)
@@ -165,7 +172,7 @@ def c3d(path: str) -> Found:
     return [("points", points), ("analogs", file["data"]["analogs"][0])], properties
 
 
-READERS: Mapping[str, Callable[[str], Found]] = {"matlab": matlab, "hdf5": hdf5, "c3d": c3d}
+READERS: Mapping[str, Callable[[str], FileContents]] = {"matlab": matlab, "hdf5": hdf5, "c3d": c3d}
 
 
 def limit(path: str) -> None:
@@ -177,26 +184,26 @@ def limit(path: str) -> None:
     size = os.path.getsize(path)
     memory = min((2**30) + 64 * size, 6 * 2**30)  # bytes for the library, beside 64 per byte of the file
     seconds = 3 + size // (2**21)  # processor time: a base, and 2 MB/s, which a slow library reads
-    for kind, most in ((resource.RLIMIT_AS, memory), (resource.RLIMIT_CPU, seconds), (resource.RLIMIT_CORE, 0)):
+    for kind, maximum in ((resource.RLIMIT_AS, memory), (resource.RLIMIT_CPU, seconds), (resource.RLIMIT_CORE, 0)):
         hard = resource.getrlimit(kind)[1]
-        resource.setrlimit(kind, (most if hard == resource.RLIM_INFINITY else min(most, hard), hard))
+        resource.setrlimit(kind, (maximum if hard == resource.RLIM_INFINITY else min(maximum, hard), hard))
 
 
 def main(arguments: Sequence[str]) -> int:
-    """Read a file, and print what was found; or print the reason for a refusal, and return 1."""
+    """Read a file and print its contents; or print the reason for a refusal, and return 1."""
     kind, path = arguments
     limit(path)
     try:
         arrays, properties = READERS[kind](path)
         arrays = [(name, array) for name, array in real_parts(arrays) if array.dtype.kind in "fiu"]
-    except Unusable as error:
+    except UnusableFileError as error:
         print(json.dumps({"refused": str(error)}))
         return 1
     except Exception as error:  # whatever the library raises, the file cannot be read
         print(json.dumps({"unreadable": " ".join(str(error).split())[:80] or type(error).__name__}))
         return 1
-    heads = [(name, array.shape) for name, array in arrays]
-    sys.stdout.buffer.write(json.dumps({"arrays": heads, **properties}).encode() + b"\n")
+    shapes = [(name, array.shape) for name, array in arrays]
+    sys.stdout.buffer.write(json.dumps({"arrays": shapes, **properties}).encode() + b"\n")
     for _, array in arrays:
         sys.stdout.buffer.write(np.ascontiguousarray(array, dtype="<f8").tobytes())
     sys.stdout.buffer.flush()

@@ -17,14 +17,14 @@ from numpy.typing import NDArray
 
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.records.video import decoder
-from ancf_casadi.support.files import opened
+from ancf_casadi.support.files import open_file
 
 Picture = NDArray[np.uint8 | np.float32]  # grey levels, by row and column
 
 
 @dataclass(frozen=True, eq=False)
 class Video:
-    """A video that is being read."""
+    """A video with its frames as they are decoded."""
 
     frame_rate: float  # as the file states it, 1/s
     count: int  # of frames, as the file states it
@@ -32,9 +32,9 @@ class Video:
 
 
 @contextmanager
-def decoded(path: str | Path) -> Iterator[Video]:
-    """Open a video file; refuse what is none."""
-    with opened(path):
+def open_video(path: str | Path) -> Iterator[Video]:
+    """Open a video file and decode it in another process."""
+    with open_file(path):
         pass
     command = [sys.executable, "-P", "-W", "ignore", decoder.__file__, os.path.abspath(path)]
     with subprocess.Popen(
@@ -45,9 +45,9 @@ def decoded(path: str | Path) -> Iterator[Video]:
             line = child.stdout.readline()
             if not line.startswith(b"{"):
                 raise InputError("is no video that can be read, or is damaged", str(path))
-            head = json.loads(line)
-            rows, columns = head["shape"]
-            yield Video(head["rate"], head["count"], _frames(child.stdout, (rows, columns)))
+            header = json.loads(line)
+            rows, columns = header["shape"]
+            yield Video(header["rate"], header["count"], _frames(child.stdout, (rows, columns)))
         finally:
             child.kill()
 

@@ -2,16 +2,16 @@
 
 A mark is a disc T(q) of the first picture, q from its centre.  In another picture I, the mark at p that is turned by
 theta minimises the sum of |I(p + R(theta) q) - g T(q) - b|^2, where gain g and offset b are those of the light.  With
-the pseudo-inverse G of the derivatives of g T + b, each Gauss-Newton step finds from I how far T is to be moved and
-turned, and moves I back (inverse compositional).  I is interpolated by cubic splines, since linear interpolation has
-errors of up to 0.015 px that follow the place within a pixel, and thus the motion.
+the pseudo-inverse G of the derivatives of g T + b, each Gauss-Newton step computes the displacement and rotation of T
+from I, and applies their inverse to I (inverse compositional).  I is interpolated by cubic splines, since linear
+interpolation has errors of up to 0.015 px that depend on the place within a pixel, and thus on the motion.
 
-A round dot does not show its angle.  Its theta stays 0, and its centre is the point q that minimises
-sum |(x - qx) Ty - (y - qy) Tx|^2, about which turning changes the template least.
+The angle of a round dot is not observable.  Its theta stays 0, and its centre is the point q that minimises
+sum |(x - qx) Ty - (y - qy) Tx|^2, so that a rotation about it changes the template least.
 
 With the residual r = I - g T - b, the place has, to first order, the covariance g^-2 G C G', where C is the
-autocovariance of r, which contains the noise of camera and compression with its colour.  Its product with G is computed
-as a product of spectra.
+autocovariance of r and includes the spectrum of camera and compression noise.  The product with G is computed as a
+product of spectra.
 
 References
 ----------
@@ -31,10 +31,10 @@ import scipy  # its packages are imported on first use
 from ancf_casadi.records.video.frames import Picture
 from ancf_casadi.support.arrays import Array, Mask
 
-LEAST_CORRELATION = 0.9  # of a mark that is seen: below it, it is covered in part
-LEAST_SLOPES = 0.02  # squared slopes of a template in their weakest direction, relative to the strongest
-LEAST_LEVER = 1.2  # px; change of a template by turning, relative to moving, above which its angle is estimated
-MOST_MOVES = 30  # of a mark, until it is refined
+MIN_CORRELATION = 0.9  # of a visible mark; below, the mark is partly covered
+MIN_SLOPES = 0.02  # squared slopes of a template in the weakest direction, relative to the strongest
+MIN_LEVER = 1.2  # px; change of a template by rotation, relative to translation, for its angle to be estimated
+MAX_ITERATIONS = 30
 LAST_STEP = 1e-3  # px
 
 
@@ -43,11 +43,11 @@ class Mark:
     """A mark of the first picture."""
 
     place: Array  # centre of its template, px
-    offset: Array  # from there to the point that is tracked, px
+    offset: Array  # from the centre to the tracked point, px
     template: Picture
     disc: Mask
-    turns: bool  # whether it shows its angle
-    inverse: Array  # G: of moving right and down, offset, gain, and turning if it shows its angle
+    turns: bool  # whether its angle is observable
+    inverse: Array  # G: rows of displacement right and down, offset, gain, and rotation if its angle is observable
     filters: Array  # squared spectrum of its first two rows, mean of x and y
 
     @property
@@ -66,7 +66,7 @@ class Pose:
 
 
 def mark_at(picture: Picture, point: Array, radius: int) -> Mark | None:
-    """Return the mark about a point; None where the picture is uniform, shows one straight edge, or ends."""
+    """Return the mark about a point; None if the picture there is uniform, has one straight edge only, or ends."""
     place = np.rint(point)
     x, y = place.astype(int)
     if not _inside(radius, place, picture):
@@ -75,17 +75,17 @@ def mark_at(picture: Picture, point: Array, radius: int) -> Mark | None:
     rows, columns = np.mgrid[-radius : radius + 1, -radius : radius + 1].astype(float)
     disc = np.hypot(rows, columns) <= radius + 0.5
     down, right = np.gradient(template.astype(float))
-    moved = np.stack([right[disc], down[disc]], axis=1)
-    along, across_edges = np.linalg.eigvalsh(moved.T @ moved)
-    if along <= LEAST_SLOPES * across_edges:
+    translation = np.stack([right[disc], down[disc]], axis=1)
+    weaker, stronger = np.linalg.eigvalsh(translation.T @ translation)
+    if weaker <= MIN_SLOPES * stronger:
         return None
-    turned = (columns * down - rows * right)[disc]
-    light = np.stack([np.ones(len(turned)), template[disc]], axis=1)
-    across = np.stack([moved[:, 1], -moved[:, 0]], axis=1)
-    q = np.linalg.lstsq(across, turned, rcond=None)[0]
-    rest = turned - across @ q
-    turns = bool(rest @ rest > LEAST_LEVER**2 * (moved**2).sum())
-    derivatives = np.column_stack([moved, light, turned] if turns else [moved, light])
+    rotation = (columns * down - rows * right)[disc]
+    brightness = np.stack([np.ones(len(rotation)), template[disc]], axis=1)
+    lever = np.stack([translation[:, 1], -translation[:, 0]], axis=1)
+    q = np.linalg.lstsq(lever, rotation, rcond=None)[0]
+    residual = rotation - lever @ q
+    turns = bool(residual @ residual > MIN_LEVER**2 * (translation**2).sum())
+    derivatives = np.column_stack([translation, brightness, rotation] if turns else [translation, brightness])
     try:
         inverse = np.linalg.solve(derivatives.T @ derivatives, derivatives.T)
     except np.linalg.LinAlgError:
@@ -103,53 +103,53 @@ def mark_at(picture: Picture, point: Array, radius: int) -> Mark | None:
     )
 
 
-def refined(mark: Mark, picture: Picture, guess: Pose) -> Pose | None:
-    """Return the pose near a guess; None if the mark is not seen there, or only in part."""
+def refine_pose(mark: Mark, picture: Picture, guess: Pose) -> Pose | None:
+    """Return the pose near a guess; None if the mark is absent or partly covered."""
     r = mark.radius
     if not _inside(r, guess.centre, picture):
         return None
     low = np.maximum(np.rint(guess.centre).astype(int) - 2 * r, 0)
-    part = picture[low[1] : low[1] + 4 * r + 1, low[0] : low[0] + 4 * r + 1]
-    splines = scipy.ndimage.spline_filter(part.astype(float))
+    window = picture[low[1] : low[1] + 4 * r + 1, low[0] : low[0] + 4 * r + 1]
+    splines = scipy.ndimage.spline_filter(window.astype(float))
     q = np.argwhere(mark.disc).T[::-1] - float(r)
     centre, angle = guess.centre - low, guess.angle
-    for _ in range(MOST_MOVES):
-        at = _turn(angle) @ q + centre[:, None]
-        seen = scipy.ndimage.map_coordinates(splines, at[::-1], prefilter=False, mode="nearest")
-        moved, (_, gain, *turned) = np.split(mark.inverse @ seen, [2])
+    for _ in range(MAX_ITERATIONS):
+        positions = _turn(angle) @ q + centre[:, None]
+        samples = scipy.ndimage.map_coordinates(splines, positions[::-1], prefilter=False, mode="nearest")
+        displacement, (_, gain, *rotation) = np.split(mark.inverse @ samples, [2])
         if not gain > 0.0:
             return None
-        angle -= sum(turned) / gain
-        centre = centre - _turn(angle) @ moved / gain
-        if np.hypot(*moved) < LAST_STEP * gain:
+        angle -= sum(rotation) / gain
+        centre = centre - _turn(angle) @ displacement / gain
+        if np.hypot(*displacement) < LAST_STEP * gain:
             break
     centre = centre + low
     template = mark.template[mark.disc] - mark.template[mark.disc].mean()
-    seen = seen - seen.mean()
-    gain = float(template @ seen / (template @ template))
-    if not gain * np.linalg.norm(template) > LEAST_CORRELATION * np.linalg.norm(seen):
+    samples = samples - samples.mean()
+    gain = float(template @ samples / (template @ template))
+    if not gain * np.linalg.norm(template) > MIN_CORRELATION * np.linalg.norm(samples):
         return None
     if not _inside(r, centre, picture):
         return None
-    rest = np.zeros(mark.disc.shape)
-    rest[mark.disc] = seen - gain * template
-    spectrum = np.abs(np.fft.fft2(rest, s=(4 * r,) * 2)) ** 2
+    residual = np.zeros(mark.disc.shape)
+    residual[mark.disc] = samples - gain * template
+    spectrum = np.abs(np.fft.fft2(residual, s=(4 * r,) * 2)) ** 2
     # mean over the frequencies of the product of both spectra
     variance = float((mark.filters * spectrum).mean()) / len(template)
     return Pose(centre, angle, math.sqrt(variance) / gain)
 
 
-def sought(cv2: Any, mark: Mark, picture: Picture, guess: Pose, reach: float) -> Pose | None:
-    """Return the pose within reach (px) of a guess, which its angle must match."""
+def search_pose(cv2: Any, mark: Mark, picture: Picture, guess: Pose, reach: float) -> Pose | None:
+    """Search the area within reach (px) of a guess by correlation at its angle, and return the refined pose."""
     r = mark.radius
     low = np.maximum(np.rint(guess.centre - reach).astype(int) - r, 0)
     high = np.rint(guess.centre + reach).astype(int) + r + 1
-    part = picture[low[1] : max(high[1], 0), low[0] : max(high[0], 0)]
-    if min(part.shape) <= 2 * r:
+    window = picture[low[1] : max(high[1], 0), low[0] : max(high[0], 0)]
+    if min(window.shape) <= 2 * r:
         return None
-    score = correlations(cv2, mark, part, guess.angle)
+    score = correlations(cv2, mark, window, guess.angle)
     y, x = np.unravel_index(np.argmax(score), score.shape)
-    return refined(mark, picture, Pose(low + np.array([x, y]) + r, guess.angle))
+    return refine_pose(mark, picture, Pose(low + np.array([x, y]) + r, guess.angle))
 
 
 def correlations(cv2: Any, mark: Mark, picture: Picture, angle: float = 0.0) -> Array:
@@ -161,8 +161,8 @@ def correlations(cv2: Any, mark: Mark, picture: Picture, angle: float = 0.0) -> 
     return np.where(np.isfinite(score), score, -1.0)  # not where the picture is uniform
 
 
-def point_of(mark: Mark, pose: Pose) -> Array:
-    """Return the point of a mark that is tracked, px."""
+def tracked_point(mark: Mark, pose: Pose) -> Array:
+    """Return the tracked point of a mark, px."""
     return pose.centre + _turn(pose.angle) @ mark.offset
 
 

@@ -1,4 +1,4 @@
-"""From places in a picture to positions: lens, vertical, scale and origin."""
+"""Conversion of places in a picture to positions: lens, vertical, scale and origin."""
 
 from __future__ import annotations
 
@@ -23,24 +23,24 @@ class View:
     lens: tuple[float, ...] | None = None  # focal lengths and centre, px, and coefficients of distortion, as in OpenCV
 
     @classmethod
-    def given(cls, **values: Sequence[float] | None) -> View:
-        """Return a view from what the user gave."""
+    def of(cls, **values: Sequence[float] | None) -> View:
+        """Return a view from the arguments of a user; None stands for a default."""
         sizes = {"ruler": (5,), "clamp": (2,), "vertical": (4,), "lens": (8, 9)}
-        found: dict[str, tuple[float, ...]] = {}
+        arguments: dict[str, tuple[float, ...]] = {}
         for name, value in values.items():
             if value is None:
                 continue
-            found[name] = numbers(value, name)
-            if len(found[name]) not in sizes[name]:
-                raise InputError(f"must be {sizes[name][0]} numbers, got {len(found[name])}", name)
-            if name in ("ruler", "vertical") and found[name][:2] == found[name][2:4]:
+            arguments[name] = numbers(value, name)
+            if len(arguments[name]) not in sizes[name]:
+                raise InputError(f"must be {sizes[name][0]} numbers, got {len(arguments[name])}", name)
+            if name in ("ruler", "vertical") and arguments[name][:2] == arguments[name][2:4]:
                 raise InputError("its two points must differ", name)
-        if "ruler" in found:
-            positive(found["ruler"][4], "ruler")
-        if "lens" in found:
-            for focal in found["lens"][:2]:
+        if "ruler" in arguments:
+            positive(arguments["ruler"][4], "ruler")
+        if "lens" in arguments:
+            for focal in arguments["lens"][:2]:
                 positive(focal, "lens")
-        return cls(**found)
+        return cls(**arguments)
 
     @property
     def unit(self) -> str:
@@ -49,7 +49,7 @@ class View:
 
     def positions(self, cv2: Any, points: Array) -> tuple[Array, Array]:
         """Return the positions (..., 2) of points, and the length of a pixel."""
-        seen = self._straight(cv2, points)
+        straight_points = self._straight(cv2, points)
         ends = (
             self._straight(cv2, np.reshape(self.ruler[:4], (2, 2)))
             if self.ruler
@@ -57,24 +57,24 @@ class View:
         )
         scale = (self.ruler[4] if self.ruler else 1.0) / np.hypot(*(ends[1] - ends[0]))
         if self.clamp:
-            seen = seen - self._straight(cv2, np.array([self.clamp]))[0]
+            straight_points = straight_points - self._straight(cv2, np.array([self.clamp]))[0]
         down = np.array([0.0, 1.0])
         if self.vertical:
             line = self._straight(cv2, np.reshape(self.vertical, (2, 2)))
             down = (line[1] - line[0]) / np.hypot(*(line[1] - line[0]))
             down *= np.sign(down[1]) or 1.0  # rows count downwards
         right = np.array([down[1], -down[0]])
-        return scale * np.stack([seen @ right, -seen @ down], axis=-1), scale
+        return scale * np.stack([straight_points @ right, -straight_points @ down], axis=-1), scale
 
     def _straight(self, cv2: Any, points: Array) -> Array:
-        """Return where a camera without distortion would see points."""
+        """Return the places of points in a camera without distortion."""
         if self.lens is None:
             return points
         fx, fy, cx, cy, *distortion = self.lens
         camera = np.array([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]])
         flat = points.reshape(-1, 1, 2)
-        known = np.isfinite(flat).all(axis=(1, 2))
-        found = np.full_like(flat, np.nan)
-        if known.any():
-            found[known] = cv2.undistortImagePoints(flat[known], camera, np.array(distortion))
-        return found.reshape(points.shape)
+        finite = np.isfinite(flat).all(axis=(1, 2))
+        straight_points = np.full_like(flat, np.nan)
+        if finite.any():
+            straight_points[finite] = cv2.undistortImagePoints(flat[finite], camera, np.array(distortion))
+        return straight_points.reshape(points.shape)

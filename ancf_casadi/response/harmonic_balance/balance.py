@@ -24,8 +24,8 @@ are 2 H + 1 equations for each coordinate (alternating frequency-time method).  
     dF/domega = W (D q' + M (2 omega q'' - xi q') + U du/domega),
     dF/dA     = W U du/dA,      dF/dxi = -W M v,      dF/dp = W dR/dp.
 
-Error.  A motion with H harmonics and N samples is put into the equation of motion at 2 N samples.  The harmonics of the
-residual beyond H would drive the missing harmonics of the motion,
+Error.  The residual of a motion with H harmonics and N samples is evaluated at 2 N samples.  Its harmonics beyond H
+would drive the missing harmonics of the motion,
 
     x_k = -Z_k^-1 r_k,    Z_k = K + i k omega D - (k omega)^2 M    with the mean matrices of a period,
 
@@ -121,7 +121,7 @@ class Fourier:
         """Number of the harmonic of each coefficient, (2 H + 1,)."""
         return (np.arange(self.size) + 1) // 2
 
-    def allowed(self, mirror: Array) -> NDArray[np.bool_]:
+    def symmetry_mask(self, mirror: Array) -> NDArray[np.bool_]:
         """Return which coefficients (2 H + 1, n) are not zero by symmetry; all of them for a whole period."""
         if not self.half:
             return np.ones((self.size, len(mirror)), dtype=bool)
@@ -138,11 +138,11 @@ def basis_at(phases: Array, harmonics: int) -> Array:
     return np.hstack([np.ones((len(phases), 1)), pairs])
 
 
-def resized(coefficients: Array, harmonics: int) -> Array:
-    """Return coefficients (2 H + 1, n) with another number of harmonics: cut off, or with zeros added."""
+def resize(coefficients: Array, harmonics: int) -> Array:
+    """Return coefficients (2 H + 1, n) truncated to another number of harmonics, or padded with zeros."""
     result = np.zeros((2 * harmonics + 1, coefficients.shape[1]))
-    kept = min(len(coefficients), len(result))
-    result[:kept] = coefficients[:kept]
+    common = min(len(coefficients), len(result))
+    result[:common] = coefficients[:common]
     return result
 
 
@@ -197,17 +197,17 @@ class HarmonicBalance:
         """Return R at the samples, (n, N)."""
         return evaluated(self._functions.balance, *self._inputs(C, setting))[0]
 
-    def linearised(self, C: Array, setting: Setting) -> BalanceDerivatives:
+    def linearise(self, C: Array, setting: Setting) -> BalanceDerivatives:
         """Return the derivatives of F."""
         series, omega, (_, v, a, _) = self.fourier, setting.omega, self.motion(C, setting)
-        _, growing, shape = self.drive.samples(series.phases, omega, setting.amplitude)
-        inputs = (*self._inputs(C, setting), growing, shape)
-        k, d, m, by_growing, by_shape = evaluated(self._functions.tangents, *inputs)
-        drag = d - setting.growth * m
-        J = self._assembled((k, omega * drag, omega**2 * m))
-        speed = self._times(drag, v / omega) + self._times(m, 2 / omega * a) + by_growing
-        sampled = {"omega": speed, "amplitude": by_shape, "growth": -self._times(m, v)}
-        by = {name: (series.analysis @ part.T)[self.allowed] for name, part in sampled.items()}
+        _, omega_excitation, shape = self.drive.samples(series.phases, omega, setting.amplitude)
+        inputs = (*self._inputs(C, setting), omega_excitation, shape)
+        k, d, m, omega_force, amplitude_force = evaluated(self._functions.tangents, *inputs)
+        damping = d - setting.growth * m
+        J = self._assemble((k, omega * damping, omega**2 * m))
+        omega_derivative = self._times(damping, v / omega) + self._times(m, 2 / omega * a) + omega_force
+        derivatives = {"omega": omega_derivative, "amplitude": amplitude_force, "growth": -self._times(m, v)}
+        by = {name: (series.analysis @ samples.T)[self.allowed] for name, samples in derivatives.items()}
         if self.varied is not None:
             by["value"] = self.by_parameters(C, setting, np.eye(len(self.system.parameters))[:, [self.varied]])[:, 0]
         return BalanceDerivatives(J, by, (k.T, d.T, m.T))
@@ -231,40 +231,40 @@ class HarmonicBalance:
     @cached_property
     def allowed(self) -> NDArray[np.bool_]:
         """True for each coefficient that is not zero by symmetry, (2 H + 1, n)."""
-        return self.fourier.allowed(self.system.mirror)
+        return self.fourier.symmetry_mask(self.system.mirror)
 
     @property
     def _functions(self) -> SampledFunctions:
         return self.system.functions(self.fourier.count)
 
-    def _assembled(self, blocks: tuple[Array, Array, Array]) -> Array:
+    def _assemble(self, blocks: tuple[Array, Array, Array]) -> Array:
         """Return dF/dC from the entries (k, N) of the factors of E, E' and E''."""
         mirror = self.system.mirror if self.fourier.half else np.ones(self.system.size)
-        place = np.full(self.allowed.shape, -1)
-        place[self.allowed] = np.arange(self.allowed.sum())
+        unknown_index = np.full(self.allowed.shape, -1)
+        unknown_index[self.allowed] = np.arange(self.allowed.sum())
         J = np.zeros((self.allowed.sum(), self.allowed.sum()))
         rows, columns = self.system.entries
-        for own, other in itertools.product(np.unique(mirror), repeat=2):
-            those = (mirror[rows] == own) & (mirror[columns] == other)
-            if not those.any():
+        for row_sign, column_sign in itertools.product(np.unique(mirror), repeat=2):
+            selected = (mirror[rows] == row_sign) & (mirror[columns] == column_sign)
+            if not selected.any():
                 continue
-            i, j = rows[those], columns[those]
+            i, j = rows[selected], columns[selected]
             a, b = np.flatnonzero(self.allowed[:, i[0]]), np.flatnonzero(self.allowed[:, j[0]])
-            at_row, at_column = place[np.ix_(a, i)].T, place[np.ix_(b, j)].T
-            J[at_row[:, :, None], at_column[:, None, :]] = self._sums([block[those] for block in blocks], a, b)
+            at_row, at_column = unknown_index[np.ix_(a, i)].T, unknown_index[np.ix_(b, j)].T
+            J[at_row[:, :, None], at_column[:, None, :]] = self._sums([block[selected] for block in blocks], a, b)
         return J
 
     def _sums(self, blocks: list[Array], a: Index, b: Index) -> Array:
         """Return the sums over the samples for entries (k, N), and rows a and columns b of coefficients, (k, a, b)."""
         series = self.fourier
-        W, factors = series.analysis[a].T, [part[:, b] for part in (series.basis, series.slope, series.curvature)]
-        varies = np.any([np.ptp(entries, axis=1) > 0.0 for entries in blocks], axis=0)
-        sums = np.zeros((len(varies), len(a), len(b)))
+        W, factors = series.analysis[a].T, [matrix[:, b] for matrix in (series.basis, series.slope, series.curvature)]
+        is_varying = np.any([np.ptp(entries, axis=1) > 0.0 for entries in blocks], axis=0)
+        sums = np.zeros((len(is_varying), len(a), len(b)))
         for entries, factor in zip(blocks, factors, strict=True):
-            sums[~varies] += entries[~varies, :1, None] * (W.T @ factor)
-        varying = [entries[varies] for entries in blocks]
+            sums[~is_varying] += entries[~is_varying, :1, None] * (W.T @ factor)
+        varying = [entries[is_varying] for entries in blocks]
         for k in range(len(b)):
-            sums[varies, :, k] = sum(part * factor[:, k] for part, factor in zip(varying, factors, strict=True)) @ W
+            sums[is_varying, :, k] = sum(v * factor[:, k] for v, factor in zip(varying, factors, strict=True)) @ W
         return sums
 
     def _times(self, entries: Array, vectors: Array) -> Array:
@@ -300,12 +300,12 @@ class Errors:
         return max(self.harmonics, self.samples)
 
 
-def size_of(balance: HarmonicBalance, C: Array) -> float:
+def motion_size(balance: HarmonicBalance, C: Array) -> float:
     """Return the size of the motion about its mean, relative to the scale of the system."""
     return float((np.abs(C[1:]) / balance.system.scale).max())
 
 
-def errors_of(
+def estimate_errors(
     balance: HarmonicBalance,
     C: Array,
     setting: Setting,
@@ -315,31 +315,35 @@ def errors_of(
 ) -> Errors:
     """Return the estimated errors of a motion relative to its size, from the entries of K, D and M at the samples."""
     series, system = balance.fourier, balance.system
-    # harmonics of the residual are checked up to this multiple of H
-    most = min(3 * series.harmonics, series.samples - 1)
-    finer = replace(balance, fourier=fourier(series.harmonics, 2 * series.samples, series.half))
-    whole = fourier(most, 2 * series.samples, series.half)
-    r = np.where(whole.allowed(system.mirror), whole.analysis @ finer.sampled_residual(C, setting).T, 0.0)
+    # highest harmonic of the residual that is checked
+    harmonics = min(3 * series.harmonics, series.samples - 1)
+    finer_balance = replace(balance, fourier=fourier(series.harmonics, 2 * series.samples, series.half))
+    fine_series = fourier(harmonics, 2 * series.samples, series.half)
+    r = np.where(
+        fine_series.symmetry_mask(system.mirror),
+        fine_series.analysis @ finer_balance.sampled_residual(C, setting).T,
+        0.0,
+    )
     K, D, M = (system.matrix(entries.mean(axis=0)) for entries in matrices)
     if series.half:
         K, D, M = (matrix * (system.mirror[:, None] == system.mirror) for matrix in (K, D, M))
     D = D - setting.growth * M
-    k = setting.omega * np.arange(series.harmonics + 1, most + 1)
-    missing = r[series.size :: 2] - 1j * r[series.size + 1 :: 2]
+    k = setting.omega * np.arange(series.harmonics + 1, harmonics + 1)
+    missing_residuals = r[series.size :: 2] - 1j * r[series.size + 1 :: 2]
     Z = K + 1j * k[:, None, None] * D - k[:, None, None] ** 2 * M
-    x = np.linalg.solve(Z, missing[:, :, None])[:, :, 0]
-    longer = resized(C, most)
-    longer[series.size :: 2], longer[series.size + 1 :: 2] = -x.real, x.imag
-    R = replace(balance, fourier=whole).sampled_residual(longer, setting).T
-    feedback, sampling = (whole.analysis @ R - r)[: series.size], r[: series.size] - balance.residual(C, setting)
+    x = np.linalg.solve(Z, missing_residuals[:, :, None])[:, :, 0]
+    extended_coefficients = resize(C, harmonics)
+    extended_coefficients[series.size :: 2], extended_coefficients[series.size + 1 :: 2] = -x.real, x.imag
+    R = replace(balance, fourier=fine_series).sampled_residual(extended_coefficients, setting).T
+    feedback, sampling = (fine_series.analysis @ R - r)[: series.size], r[: series.size] - balance.residual(C, setting)
 
-    def largest(change: Array) -> float:
+    def largest_change(change: Array) -> float:
         return float((change / system.scale).max(initial=0.0)) / size
 
-    shifted, sampled = (np.abs(shift(part)) for part in (feedback, sampling))
-    return Errors(max(largest(np.abs(x)), largest(shifted)), largest(sampled))
+    feedback_shift, sampling_shift = (np.abs(shift(residual)) for residual in (feedback, sampling))
+    return Errors(max(largest_change(np.abs(x)), largest_change(feedback_shift)), largest_change(sampling_shift))
 
 
-def least_samples(harmonics: int) -> int:
-    """Return the number of samples to begin with, 4 (H + 1)."""
+def initial_samples(harmonics: int) -> int:
+    """Return the initial number of samples, 4 (H + 1)."""
     return 4 * (harmonics + 1)

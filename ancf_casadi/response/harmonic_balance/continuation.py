@@ -26,15 +26,15 @@ from ancf_casadi.response.harmonic_balance.balance import (
     FIRST_HARMONICS,
     MOST_HARMONICS,
     MOST_PERIOD_SAMPLES,
-    least_samples,
-    size_of,
+    initial_samples,
+    motion_size,
 )
 from ancf_casadi.response.harmonic_balance.family import Family, NotFound, Point, solve
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.progress import count_step
 
 SMALLEST_SIZE = 1e-12  # of a motion, relative to the scale of the system
-LOCATED = 1e-9  # width of the interval around a located point, relative to the step
+ZERO_TOLERANCE = 1e-9  # of the interval around a zero, relative to the step
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,7 +48,7 @@ class ContinuationStep:
     end_tangent: Array
 
 
-def point_at(family: Family, guess: Array, row: Array, near: Point | None = None) -> Point:
+def point_at(family: Family, guess: Array, row: Array, nearby: Point | None = None) -> Point:
     """Return the point with row . (z - guess)/s = 0, with enough harmonics and samples.
 
     Raise NotFound if Newton's method does not converge, and NumericsError if the motion needs too many harmonics.
@@ -56,8 +56,8 @@ def point_at(family: Family, guess: Array, row: Array, near: Point | None = None
     coarser: Point | None = None
     while True:
         count_step()
-        z, series = solve(family, guess, row, near), family.balance.fourier
-        family = replace(family, size=max(size_of(family.balance, family.split(z)[0]), SMALLEST_SIZE))
+        z, series = solve(family, guess, row, nearby), family.balance.fourier
+        family = replace(family, size=max(motion_size(family.balance, family.split(z)[0]), SMALLEST_SIZE))
         point = family.at(z, row)
         if math.isinf(family.tolerance):
             return point
@@ -73,7 +73,7 @@ def point_at(family: Family, guess: Array, row: Array, near: Point | None = None
         harmonics, samples = series.harmonics, series.samples
         if errors.harmonics > family.tolerance:
             harmonics += max(2, harmonics // 3)
-            samples = max(samples, least_samples(harmonics))
+            samples = max(samples, initial_samples(harmonics))
         if errors.samples > family.tolerance:
             samples *= 2
         if harmonics > MOST_HARMONICS or samples > MOST_PERIOD_SAMPLES:
@@ -82,49 +82,49 @@ def point_at(family: Family, guess: Array, row: Array, near: Point | None = None
                 f"its error is {errors.largest:.1g}; use a larger tolerance, a smoother force, or more damping of the "
                 "high modes"
             )
-        guess, row, near = family.resized(z, harmonics), family.resized(row, harmonics), None
+        guess, row, nearby = family.resize(z, harmonics), family.resize(row, harmonics), None
         family = family.with_series(harmonics, samples)
 
 
 def follow(
-    first: Point,
+    start: Point,
     direction: Array,
     first_step: float,
     longest: Callable[[Point, Array], float] = lambda point, tangent: math.inf,
 ) -> Iterator[ContinuationStep]:
-    """Yield the steps along a curve, first in the direction whose product with the tangent is positive.
+    """Yield the steps along a curve, at first along the tangent that has a positive product with the direction.
 
     ``longest`` gives the largest arclength of a step from a point with a tangent.
     """
-    point, tangent, length = first, first.tangent(direction), first_step
+    point, tangent, length = start, start.tangent(direction), first_step
     while True:
         length = min(length, longest(point, tangent))
         try:
-            new = stepped(point, tangent, length)
+            end = step_along(point, tangent, length)
         except NotFound:
             angle = np.inf
         else:
-            before = carried(tangent, point, new)
-            after = new.tangent(before)
-            angle = 2 * np.arcsin(min(float(np.linalg.norm(after - before)) / 2, 1.0))
+            old_tangent = transfer_vector(tangent, point, end)
+            new_tangent = end.tangent(old_tangent)
+            angle = 2 * np.arcsin(min(float(np.linalg.norm(new_tangent - old_tangent)) / 2, 1.0))
         if angle > 0.6:  # rad; beyond it, a step may have left the curve
             length /= 2
             if length < 1e-7:
                 raise NumericsError(
-                    f"the curve cannot be followed beyond {described(point)}: no step is short enough there"
+                    f"the curve cannot be followed beyond {describe_setting(point)}: no step is short enough there"
                 )
             continue
-        yield ContinuationStep(point, tangent, length, new, after)
-        point = _lean(new, after)
-        tangent = carried(after, new, point)
-        # rad between successive tangents that the steps aim at
+        yield ContinuationStep(point, tangent, length, end, new_tangent)
+        point = _drop_harmonics(end, new_tangent)
+        tangent = transfer_vector(new_tangent, end, point)
+        # the step aims at an angle of 0.25 rad between successive tangents
         length = min(length * min(2.0, max(0.5, 0.25 / max(angle, 1e-3))), 4.0)
 
 
-def stepped(point: Point, tangent: Array, length: float) -> Point:
+def step_along(point: Point, tangent: Array, length: float) -> Point:
     """Return the point at an arclength along the tangent; raise NotFound if Newton's method does not converge."""
     family = point.family
-    guess = family.moved(point.z, length * family.scale * tangent)
+    guess = family.add_change(point.z, length * family.scale * tangent)
     try:
         return point_at(family, guess, tangent, point)
     except NotFound:
@@ -133,54 +133,54 @@ def stepped(point: Point, tangent: Array, length: float) -> Point:
         return point_at(family, guess, tangent)
 
 
-def located(step: ContinuationStep, test: Callable[[Point, Array], float]) -> Point:
-    """Return the point of a step at which a test function of point and tangent, of opposite signs at its ends, is zero.
+def locate_zero(step: ContinuationStep, test: Callable[[Point, Array], float]) -> Point:
+    """Return the zero of a test function of point and tangent within a step; its signs at the ends must differ.
 
     Raise NotFound if Newton's method does not converge.
     """
-    at_start, at_end = test(step.start, step.tangent), test(step.end, step.end_tangent)
-    size, shortest, kept = max(abs(at_start), abs(at_end)), LOCATED * step.length, ""
+    start_value, end_value = test(step.start, step.tangent), test(step.end, step.end_tangent)
+    value_scale, shortest, retained = max(abs(start_value), abs(end_value)), ZERO_TOLERANCE * step.length, ""
     for _ in range(30):
-        length = step.length * at_start / (at_start - at_end)
-        found = stepped(step.start, step.tangent, length)
-        tangent = found.tangent(carried(step.tangent, step.start, found))
-        value = test(found, tangent)
-        if step.length <= shortest or abs(value) <= LOCATED * size:
+        length = step.length * start_value / (start_value - end_value)
+        zero = step_along(step.start, step.tangent, length)
+        tangent = zero.tangent(transfer_vector(step.tangent, step.start, zero))
+        value = test(zero, tangent)
+        if step.length <= shortest or abs(value) <= ZERO_TOLERANCE * value_scale:
             break
-        if (value > 0.0) == (at_end > 0.0):  # the Illinois method halves the value at an end that is kept twice
-            at_start, at_end, kept = at_start / (2 if kept == "start" else 1), value, "start"
-            step = replace(step, length=length, end=found, end_tangent=tangent)
+        if (value > 0.0) == (end_value > 0.0):  # the Illinois method halves the value at an end that is kept twice
+            start_value, end_value, retained = start_value / (2 if retained == "start" else 1), value, "start"
+            step = replace(step, length=length, end=zero, end_tangent=tangent)
         else:
-            at_start, at_end, kept = value, at_end / (2 if kept == "end" else 1), "end"
-            z = step.end.family.resized(step.end.z, found.family.balance.fourier.harmonics)
-            ahead = float(tangent @ ((z - found.z) / found.family.scale))
-            step = ContinuationStep(found, tangent, ahead, step.end, step.end_tangent)
-    return found
+            start_value, end_value, retained = value, end_value / (2 if retained == "end" else 1), "end"
+            z = step.end.family.resize(step.end.z, zero.family.balance.fourier.harmonics)
+            ahead = float(tangent @ ((z - zero.z) / zero.family.scale))
+            step = ContinuationStep(zero, tangent, ahead, step.end, step.end_tangent)
+    return zero
 
 
-def carried(vector: Array, old: Point, new: Point) -> Array:
-    """Return a vector in scaled unknowns of one point as one of another, normalised."""
-    resized = old.family.resized(vector * old.family.scale, new.family.balance.fourier.harmonics) / new.family.scale
-    return np.asarray(resized / np.linalg.norm(resized))
+def transfer_vector(vector: Array, old: Point, new: Point) -> Array:
+    """Return a vector in the scaled unknowns of the old point in those of the new point, normalised."""
+    transferred = old.family.resize(vector * old.family.scale, new.family.balance.fourier.harmonics) / new.family.scale
+    return np.asarray(transferred / np.linalg.norm(transferred))
 
 
-def _lean(point: Point, tangent: Array) -> Point:
-    """Return the point, with two harmonics less if they are far below the tolerance."""
+def _drop_harmonics(point: Point, tangent: Array) -> Point:
+    """Return the point without its two highest harmonics if they are far below the tolerance."""
     balance, series, tolerance = point.family.balance, point.family.balance.fourier, point.family.tolerance
     highest = float((np.abs(point.coefficients[-4:]) / balance.system.scale).max()) / point.family.size
     # size of the two highest harmonics, relative to the tolerance, at which they are dropped
     if math.isinf(tolerance) or series.harmonics <= FIRST_HARMONICS or highest > 2e-2 * tolerance:
         return point
     harmonics = series.harmonics - 2
-    family = point.family.with_series(harmonics, max(least_samples(harmonics), series.samples // 2))
-    z, row = (point.family.resized(part, harmonics) for part in (point.z, tangent))
+    family = point.family.with_series(harmonics, max(initial_samples(harmonics), series.samples // 2))
+    z, row = (point.family.resize(vector, harmonics) for vector in (point.z, tangent))
     try:
         return point_at(family, z, row)
     except NotFound:
         return point
 
 
-def described(point: Point) -> str:
-    """Return the free entries of the setting in words."""
+def describe_setting(point: Point) -> str:
+    """Describe the free entries of the setting for a message."""
     free = ((name, getattr(point.setting, name)) for name in point.family.free)
     return ", ".join(f"{x / (2 * np.pi):.6g} Hz" if name == "omega" else f"{name} = {x:.4g}" for name, x in free)

@@ -12,9 +12,9 @@ Lengths along the curve are measured in z/s with the scale s of each unknown.
 
 One more equation, row . (z - guess)/s = 0, selects a point of the curve: the row is the tangent (pseudo-arclength), the
 unit vector of an entry that is prescribed, or any other row across the curve.  The derivatives cost more than ten
-residuals and are kept, also from the last point of a curve, as long as each step of Newton's method reduces the error
-fivefold; large matrices are kept as long as it reduces it twofold.  For a beam that turns, residuals are turned back to
-the motion at which the derivatives were evaluated, and corrections forth (``beams``).
+residuals.  They are reused, also from the last point of a curve, as long as each step of Newton's method reduces the
+error fivefold; large matrices are reused as long as it reduces it twofold.  For a beam that turns, residuals are turned
+back to the motion at which the derivatives were evaluated, and corrections forth (``beams``).
 """
 
 from __future__ import annotations
@@ -34,14 +34,14 @@ from ancf_casadi.response.harmonic_balance.balance import (
     Errors,
     HarmonicBalance,
     Setting,
-    errors_of,
+    estimate_errors,
     fourier,
-    resized,
+    resize,
 )
 from ancf_casadi.support.arrays import Array, ComplexArray
 
 if TYPE_CHECKING:
-    from ancf_casadi.response.harmonic_balance.beams import Turning
+    from ancf_casadi.response.harmonic_balance.beams import SlopeCorrections
 
 NEWTON_ERROR = 1e-11  # error of the unknowns relative to their scales
 LARGEST_NEWTON_STEP = 100.0  # largest step, relative to the scales
@@ -56,7 +56,7 @@ class Family:
     """The equations of a curve of periodic motions."""
 
     balance: HarmonicBalance
-    setting: Setting  # what is not free stays as it is
+    setting: Setting  # values of the fixed fields
     free: tuple[str, ...]  # fields of the setting that are unknown
     scales: tuple[float, ...]  # typical change of each
     size: float  # typical size of the motion, relative to the scale of the system
@@ -79,7 +79,7 @@ class Family:
         row[self.place(name)] = 1.0
         return row
 
-    def joined(self, C: Array, setting: Setting) -> Array:
+    def join(self, C: Array, setting: Setting) -> Array:
         """Return the unknowns of a motion."""
         return np.concatenate([C[self.balance.allowed], [getattr(setting, name) for name in self.free]])
 
@@ -87,57 +87,57 @@ class Family:
         """Return coefficients and setting of the unknowns."""
         count = len(self.free)
         values = dict(zip(self.free, z[-count:].tolist(), strict=True))
-        return self._all(z[:-count]), replace(self.setting, **values)
+        return self._all_coefficients(z[:-count]), replace(self.setting, **values)
 
-    def _all(self, coefficients: Array) -> Array:
+    def _all_coefficients(self, coefficients: Array) -> Array:
         """Return C, (2 H + 1, n), of the coefficients that are not zero by symmetry."""
         C = np.zeros(self.balance.allowed.shape)
         C[self.balance.allowed] = coefficients
         return C
 
     def residual(self, z: Array) -> Array:
-        """Return the left sides of all equations but that of the row."""
+        """Return the residual of all equations except the row."""
         C, setting = self.split(z)
         F = self.balance.residual(C, setting)[self.balance.allowed]
         return F if self.phase is None else np.append(F, self.phase @ C[1])
 
     def at(self, z: Array, row: Array) -> Point:
         """Return the derivatives at z as a point with a row."""
-        return Point(self, z, row, self.balance.linearised(*self.split(z)))
+        return Point(self, z, row, self.balance.linearise(*self.split(z)))
 
-    def moved(self, z: Array, change: Array) -> Array:
-        """Return the unknowns moved by a change."""
-        end, turning, count = z + change, self.balance.system.corrections, len(z) - len(self.free)
-        if turning is None:
+    def add_change(self, z: Array, change: Array) -> Array:
+        """Return the unknowns after a change; the slopes of a beam turn."""
+        end, corrections, count = z + change, self.balance.system.corrections, len(z) - len(self.free)
+        if corrections is None:
             return end
-        q, carried = self._relative(z, turning), self._carried(end, turning)
-        moved = turning.moved(q, self._sampled(end[:count]) - carried - q)
-        return self._analysed(moved + carried, end[count:])
+        q, base_displacement = self._relative_samples(z, corrections), self._base_displacement(end, corrections)
+        q_end = corrections.add_corrections(q, self._samples(end[:count]) - base_displacement - q)
+        return self._analyse(q_end + base_displacement, end[count:])
 
-    def turned(self, reference: Array, z: Array, vector: Array, way: Literal["forth", "back"]) -> Array:
+    def turn_vector(self, reference: Array, z: Array, vector: Array, direction: Literal["forth", "back"]) -> Array:
         """Return the change at z that corresponds to one at a reference (forth), or the residual there (back)."""
-        turning, count = self.balance.system.corrections, len(z) - len(self.free)
-        if turning is None or reference is z:
+        corrections, count = self.balance.system.corrections, len(z) - len(self.free)
+        if corrections is None or reference is z:
             return vector
-        before, after = (self._relative(own, turning) for own in (reference, z))
-        turned = turning.turned(before, after, self._sampled(vector[:count]), way)
-        return self._analysed(turned, vector[count:])
+        before, after = (self._relative_samples(unknowns, corrections) for unknowns in (reference, z))
+        samples = corrections.turn_vectors(before, after, self._samples(vector[:count]), direction)
+        return self._analyse(samples, vector[count:])
 
-    def _sampled(self, coefficients: Array) -> Array:
+    def _samples(self, coefficients: Array) -> Array:
         """Return the coordinates at the samples, (n, N), of the coefficients that are not zero by symmetry."""
-        return np.asarray((self.balance.fourier.basis @ self._all(coefficients)).T)
+        return np.asarray((self.balance.fourier.basis @ self._all_coefficients(coefficients)).T)
 
-    def _carried(self, z: Array, turning: Turning) -> Array:
+    def _base_displacement(self, z: Array, corrections: SlopeCorrections) -> Array:
         """Return the displacement of the base in the coordinates at the samples, (n, N)."""
         setting, series = self.split(z)[1], self.balance.fourier
         u, _, _ = self.balance.drive.samples(series.phases, setting.omega, setting.amplitude)
-        return np.asarray(turning.translation @ u[:2])
+        return np.asarray(corrections.translation @ u[:2])
 
-    def _relative(self, z: Array, turning: Turning) -> Array:
+    def _relative_samples(self, z: Array, corrections: SlopeCorrections) -> Array:
         """Return the coordinates at the samples relative to the base."""
-        return np.asarray(self._sampled(z[: len(z) - len(self.free)]) - self._carried(z, turning))
+        return np.asarray(self._samples(z[: len(z) - len(self.free)]) - self._base_displacement(z, corrections))
 
-    def _analysed(self, samples: Array, last: Array) -> Array:
+    def _analyse(self, samples: Array, last: Array) -> Array:
         """Return the coefficients of sampled coordinates, followed by other entries."""
         C = self.balance.fourier.analysis @ samples.T
         return np.concatenate([C[self.balance.allowed], last])
@@ -147,16 +147,16 @@ class Family:
         series = fourier(harmonics, samples, self.balance.fourier.half)
         return replace(self, balance=replace(self.balance, fourier=series))
 
-    def resized(self, z: Array, harmonics: int) -> Array:
+    def resize(self, z: Array, harmonics: int) -> Array:
         """Return the unknowns with another number of harmonics."""
         (C, _), series = self.split(z), self.balance.fourier
-        allowed = fourier(harmonics, 4 * harmonics + 2, series.half).allowed(self.balance.system.mirror)
-        return np.append(resized(C, harmonics)[allowed], z[-len(self.free) :])
+        allowed = fourier(harmonics, 4 * harmonics + 2, series.half).symmetry_mask(self.balance.system.mirror)
+        return np.append(resize(C, harmonics)[allowed], z[-len(self.free) :])
 
 
 @dataclass(frozen=True, eq=False)
 class Point:
-    """A point of a curve of periodic motions, or near it, with the derivatives of the equations there."""
+    """A point on or near a curve of periodic motions, with the derivatives of the equations there."""
 
     family: Family
     z: Array
@@ -183,19 +183,20 @@ class Point:
             right[: family.balance.allowed.sum()] = residual[family.balance.allowed]
             return family.split(family.scale * self.solve(right))[0]
 
-        return errors_of(family.balance, self.coefficients, self.setting, self.linear.matrices, family.size, shift)
+        matrices = self.linear.matrices
+        return estimate_errors(family.balance, self.coefficients, self.setting, matrices, family.size, shift)
 
     @cached_property
     def multipliers(self) -> ComplexArray:
         """Floquet multipliers, the largest first."""
         system, setting = self.family.balance.system, self.setting
-        K, D, M = (system.matrix(part) for part in self.linear.matrices)
+        K, D, M = (system.matrix(entries) for entries in self.linear.matrices)
         D = D - setting.growth * M
         period = 2 * np.pi / setting.omega
         if not self.family.balance.fourier.half:
             return floquet_multipliers(K, D, M, period)
         signs = system.mirror[:, None] * system.mirror
-        K, D, M = (np.concatenate([half, signs * half]) for half in (K, D, M))
+        K, D, M = (np.concatenate([matrix, signs * matrix]) for matrix in (K, D, M))
         return floquet_multipliers(K, D, M, period, mirror=system.mirror)
 
     def tangent(self, along: Array) -> Array:
@@ -204,7 +205,7 @@ class Point:
         return np.asarray(np.copysign(1.0, t @ along) * t / np.linalg.norm(t))
 
     def solve(self, right: Array) -> Array:
-        """Return the change of the scaled unknowns that changes all equations, the row last, by the right side."""
+        """Return the change of the scaled unknowns for a change of all equations, that of the row last."""
         factors, rows = self._factors
         return np.asarray(scipy.linalg.lu_solve(factors, (right.T / rows).T, check_finite=False))
 
@@ -224,34 +225,37 @@ class Point:
             return scipy.linalg.lu_factor(np.vstack([matrix, self.row]) / rows[:, None], check_finite=False), rows
 
 
-def solve(family: Family, guess: Array, row: Array, near: Point | None = None) -> Array:
-    """Return the unknowns of the point with row . (z - guess)/s = 0, first with the derivatives of a point nearby.
+def solve(family: Family, guess: Array, row: Array, nearby: Point | None = None) -> Array:
+    """Return the unknowns of the point with row . (z - guess)/s = 0, beginning with the derivatives of a nearby point.
 
     Raise NotFound if the iteration does not converge.
     """
-    scale, z, evaluations, last = family.scale, guess, 1, math.inf
-    # with a slower decrease, the derivatives are evaluated anew; the factors of a large matrix are expensive
+    scale, z, evaluations, last_length = family.scale, guess, 1, math.inf
+    # with a slower decrease, the derivatives are evaluated again; the factors of a large matrix are expensive
     contraction = 0.2 if len(scale) <= 400 else 0.5
-    fresh, distance = near is None, math.inf
-    used = family.at(z, row) if near is None else replace(near, family=family, row=row)
+    is_fresh, distance = nearby is None, math.inf
+    derivatives = family.at(z, row) if nearby is None else replace(nearby, family=family, row=row)
     for _ in range(30):
         gap = row @ ((z - guess) / scale)
-        residual = family.turned(used.z, z, family.residual(z), "back")
-        step = -family.turned(used.z, z, scale * used.solve(np.append(residual, gap)), "forth") / scale
+        residual = family.turn_vector(derivatives.z, z, family.residual(z), "back")
+        correction = scale * derivatives.solve(np.append(residual, gap))
+        step = -family.turn_vector(derivatives.z, z, correction, "forth") / scale
         length = float(np.abs(step).max())
-        if not np.isfinite(length) or (fresh and length > LARGEST_NEWTON_STEP):
+        if not np.isfinite(length) or (is_fresh and length > LARGEST_NEWTON_STEP):
             raise NotFound
-        if length > min(LARGEST_NEWTON_STEP, contraction * last):
+        if length > min(LARGEST_NEWTON_STEP, contraction * last_length):
             # a step below 1e-6 stagnates by rounding, with derivatives from within 1e-3
-            if distance <= 1e-3 and last <= 1e-6 and length > last / 2:
+            if distance <= 1e-3 and last_length <= 1e-6 and length > last_length / 2:
                 return z
             if evaluations == 10:
                 raise NotFound
-            used, evaluations, last, fresh = family.at(z, row), evaluations + 1, math.inf, True
+            derivatives, evaluations, last_length, is_fresh = family.at(z, row), evaluations + 1, math.inf, True
             continue
-        distance = length if fresh else distance
-        z, fresh = family.moved(z, scale * step), False
-        if min(length / last, 1.0) * length <= NEWTON_ERROR and (last < math.inf or length <= NEWTON_ERROR):
+        distance = length if is_fresh else distance
+        z, is_fresh = family.add_change(z, scale * step), False
+        if min(length / last_length, 1.0) * length <= NEWTON_ERROR and (
+            last_length < math.inf or length <= NEWTON_ERROR
+        ):
             return z
-        last = length
+        last_length = length
     raise NotFound

@@ -7,8 +7,8 @@ Harmonic balance needs R, its derivatives
 
     K = dR/dq,    D = dR/dv,    M = dR/da,    U = dR/du,
 
-and for the balance of energy the power lost to damping and the power supplied by the excitation.  The full beam, the
-reduced beam and systems of users are such systems.  All of them are evaluated at the N samples of a period at once.
+and for the energy balance the power dissipated by damping and the power supplied by the excitation.  The full beam, the
+reduced beam and users' systems are such systems.  All of them are evaluated at the N samples of a period at once.
 
 A harmonic excitation at the phase tau = omega t is
 
@@ -42,10 +42,10 @@ from ancf_casadi.support.inputs import array, check_instance, instances, physica
 from ancf_casadi.support.tables import Displayed, counted
 
 if TYPE_CHECKING:
-    from ancf_casadi.response.harmonic_balance.beams import Turning
+    from ancf_casadi.response.harmonic_balance.beams import SlopeCorrections
 
 BEAM_EXCITATION = 12
-KEPT_FUNCTIONS = 64  # sets of Functions, each of a system and a number of samples, that are kept
+CACHED_FUNCTIONS = 64  # sets of Functions, each for a system and a number of samples
 
 
 @dataclass(frozen=True)
@@ -91,7 +91,7 @@ class HarmonicForce(Displayed):
 class Drive:
     """A harmonic excitation of a system."""
 
-    parts: Array  # u_0, u_1 and u_2, (3, e)
+    vectors: Array  # u_0, u_1 and u_2, (3, e)
     amplitude: float  # A; of a beam, m, N or N m
     omega: float  # rad/s
     unit: str = ""  # of the amplitude
@@ -100,7 +100,7 @@ class Drive:
     @property
     def moves_base(self) -> bool:
         """True if the excitation is a motion of the base."""
-        return bool(self.parts[1].any())
+        return bool(self.vectors[1].any())
 
     def expression(self, phases: Array, omega: cs.MX, amplitude: cs.MX) -> cs.MX:
         """Return u at phases (k,) as an expression, (e, k)."""
@@ -116,7 +116,7 @@ class Drive:
     def _powers(self, phases: Array) -> Array:
         """Return the coefficients of 1, omega and omega^2 in u/A, (3, e, k)."""
         factors = np.array([np.sin(phases), np.cos(phases), -np.sin(phases)])
-        return np.asarray(self.parts[:, :, None] * factors[:, None, :])
+        return np.asarray(self.vectors[:, :, None] * factors[:, None, :])
 
 
 def no_drive(components: int) -> Drive:
@@ -128,14 +128,14 @@ def beam_drive(base: BaseMotion | None, load: TipLoad | None) -> Drive:
     """Return the excitation of a beam by its base or a load, at its full amplitude."""
     if (base is None) == (load is None):
         raise InputError("give either a HarmonicBase or a HarmonicLoad", "base" if base is not None else "load")
-    parts = np.zeros((3, BEAM_EXCITATION))
+    vectors = np.zeros((3, BEAM_EXCITATION))
     if base is not None:
         check_instance(base, "base", HarmonicBase)
         assert isinstance(base, HarmonicBase)
         _check_endless(base.stop, "base")
         for order in range(3):
-            parts[order, 3 * order : 3 * order + 2] = base.direction
-        return Drive(parts, base.amplitude, 2 * math.pi * base.frequency, "m", base.direction)
+            vectors[order, 3 * order : 3 * order + 2] = base.direction
+        return Drive(vectors, base.amplitude, 2 * math.pi * base.frequency, "m", base.direction)
     check_instance(load, "load", HarmonicLoad)
     assert isinstance(load, HarmonicLoad)
     _check_endless(load.stop, "load")
@@ -145,9 +145,9 @@ def beam_drive(base: BaseMotion | None, load: TipLoad | None) -> Drive:
     amplitude, unit = (force, "N") if force else (abs(load.moment), "N m")
     if not amplitude:
         raise InputError("is zero", "load")
-    parts[0, 9:] = np.array([*load.force, load.moment]) / amplitude
+    vectors[0, 9:] = np.array([*load.force, load.moment]) / amplitude
     direction = (load.force[0] / force, load.force[1] / force) if force else (0.0, 0.0)
-    return Drive(parts, amplitude, 2 * math.pi * load.frequency, unit, direction)
+    return Drive(vectors, amplitude, 2 * math.pi * load.frequency, unit, direction)
 
 
 def force_drive(force: HarmonicForce | None, components: int) -> Drive:
@@ -156,9 +156,9 @@ def force_drive(force: HarmonicForce | None, components: int) -> Drive:
     assert force is not None
     if len(force.direction) != components:
         raise InputError(f"has {len(force.direction)} entries for {components} of the excitation", "direction")
-    parts = np.zeros((3, components))
-    parts[0] = force.direction
-    return Drive(parts, force.amplitude, 2 * math.pi * force.frequency)
+    vectors = np.zeros((3, components))
+    vectors[0] = force.direction
+    return Drive(vectors, force.amplitude, 2 * math.pi * force.frequency)
 
 
 def _check_endless(stop: float, where: str) -> None:
@@ -176,18 +176,27 @@ class SampledFunctions(NamedTuple):
 
     @classmethod
     def of(
-        cls, symbols: Sequence[Any], residual: Any, tangents: Sequence[Any], powers: Sequence[Any], plain: Any = None
+        cls,
+        symbols: Sequence[Any],
+        residual: Any,
+        tangents: Sequence[Any],
+        powers: Sequence[Any],
+        differentiable: Any = None,
     ) -> SampledFunctions:
-        """Return the Functions of expressions in q, v, a, u, p, u_1 and u_2, all SX or all MX; ``plain`` is R again."""
+        """Return the Functions of expressions in q, v, a, u, p, u_1 and u_2, all SX or all MX.
+
+        ``differentiable`` is R without machine code; ``residual`` serves if it is None.
+        """
 
         def function(name: str, results: Sequence[Any], outputs: list[str], inputs: str = "q v a u p") -> cs.Function:
-            names, dense = inputs.split(), [cs.densify(part) for part in results]
+            names, dense = inputs.split(), [cs.densify(expression) for expression in results]
             return cs.Function(name, list(symbols[: len(names)]), dense, names, outputs, {"cse": True})
 
         balance = function("balance", [residual], ["R"])
         matrices = function("tangents", tangents, ["K", "D", "M", "R_1", "R_2"], "q v a u p u_1 u_2")
-        given = function("powers", powers, ["lost", "supplied"])
-        return cls(balance, matrices, given, balance if plain is None else function("balance", [plain], ["R"]))
+        balance_of_powers = function("powers", powers, ["lost", "supplied"])
+        differentiable_balance = balance if differentiable is None else function("balance", [differentiable], ["R"])
+        return cls(balance, matrices, balance_of_powers, differentiable_balance)
 
 
 @dataclass(frozen=True, eq=False)
@@ -210,7 +219,7 @@ class SecondOrderSystem(Displayed):
         Typical size of each coordinate.
     mirror : array (n,)
         Signs P of a mirror symmetry, R(P q, P v, P a, -u) = P R(q, v, a, u); ones if there is none.
-    corrections : Turning, optional
+    corrections : SlopeCorrections, optional
         Turns corrections of the coordinates with a beam; they are added if there is none.
 
     Examples
@@ -234,7 +243,7 @@ class SecondOrderSystem(Displayed):
     rest: Array
     scale: Array
     mirror: Array
-    corrections: Turning | None = None
+    corrections: SlopeCorrections | None = None
 
     @classmethod
     def of(
@@ -281,37 +290,37 @@ class SecondOrderSystem(Displayed):
         InputError
             If the numbers of entries disagree, or the expressions contain other symbols.
         """
-        needed = {"q": q, "v": v, "a": a, "u": u, "conservative": conservative}
-        for name, given in {**needed, "p": p, "damping": damping, "excitation": excitation}.items():
-            check_instance(given, name, cs.SX, *(() if name in needed else (NoneType,)))
+        required = {"q": q, "v": v, "a": a, "u": u, "conservative": conservative}
+        for name, value in {**required, "p": p, "damping": damping, "excitation": excitation}.items():
+            check_instance(value, name, cs.SX, *(() if name in required else (NoneType,)))
         n = q.numel()
-        none = cs.SX.zeros(n)
+        no_force = cs.SX.zeros(n)
         p = cs.SX(0, 1) if p is None else p
-        own = instances(parameters, "parameters", Parameter, least=0)
-        if p.numel() != len(own):
-            raise InputError(f"has {len(own)} entries for {p.numel()} symbols", "parameters")
-        damping, excitation = (none if part is None else part for part in (damping, excitation))
-        for name, part in (("v", v), ("a", a), ("conservative", conservative), ("damping", damping),
+        parameters = instances(parameters, "parameters", Parameter, minimum=0)
+        if p.numel() != len(parameters):
+            raise InputError(f"has {len(parameters)} entries for {p.numel()} symbols", "parameters")
+        damping, excitation = (no_force if force is None else force for force in (damping, excitation))
+        for name, force in (("v", v), ("a", a), ("conservative", conservative), ("damping", damping),
                            ("excitation", excitation)):  # fmt: skip
-            if part.numel() != n:
-                raise InputError(f"has {part.numel()} entries for {n} coordinates", name)
+            if force.numel() != n:
+                raise InputError(f"has {force.numel()} entries for {n} coordinates", name)
         symbols = [q, v, a, u, p]
-        strange = [
+        unknown = [
             symbol.name()
             for symbol in cs.symvar(cs.vertcat(conservative, damping, excitation))
-            if not any(cs.depends_on(given, symbol) for given in symbols)
+            if not any(cs.depends_on(argument, symbol) for argument in symbols)
         ]
-        if strange:
-            raise InputError(f"contains the unknown symbols {', '.join(strange)}; make them entries of p", "system")
+        if unknown:
+            raise InputError(f"contains the unknown symbols {', '.join(unknown)}; make them entries of p", "system")
         residual, directions = conservative + damping - excitation, [cs.SX.sym("u", u.numel()) for _ in range(2)]
-        matrices = [cs.vec(cs.jacobian(residual, own)) for own in (q, v, a)]
-        driven = [cs.jtimes(residual, u, direction) for direction in directions]
+        matrices = [cs.vec(cs.jacobian(residual, variable)) for variable in (q, v, a)]
+        excitation_forces = [cs.jtimes(residual, u, direction) for direction in directions]
         powers = [cs.dot(v, damping), cs.dot(v, excitation)]
-        one = SampledFunctions.of([*symbols, *directions], residual, [*matrices, *driven], powers)
+        one_sample = SampledFunctions.of([*symbols, *directions], residual, [*matrices, *excitation_forces], powers)
         return cls(
-            functions=partial(several, one),
+            functions=partial(map_samples, one_sample),
             entries=dense_entries(n),
-            parameters=own,
+            parameters=parameters,
             excitation=u.numel(),
             rest=_vector(rest, n, 0.0, "rest"),
             scale=_vector(scale, n, 1.0, "scale"),
@@ -326,7 +335,7 @@ class SecondOrderSystem(Displayed):
     @cached_property
     def values(self) -> Array:
         """The values of p."""
-        return np.array([own.value for own in self.parameters], dtype=float)
+        return np.array([parameter.value for parameter in self.parameters], dtype=float)
 
     def matrix(self, values: Array) -> Array:
         """Return the matrices (..., n, n) of entries (..., k) of K, D or M."""
@@ -337,14 +346,14 @@ class SecondOrderSystem(Displayed):
 
     def with_values(self, values: Sequence[float] | Array) -> SecondOrderSystem:
         """Return the system with other values of its parameters, in their order."""
-        given = array(values, "values")
-        if given.shape != (len(self.parameters),):
-            raise InputError(f"has {given.size} entries for {len(self.parameters)} parameters", "values")
-        own = zip(self.parameters, given.tolist(), strict=True)
-        return replace(self, parameters=tuple(replace(one, value=value) for one, value in own))
+        new_values = array(values, "values")
+        if new_values.shape != (len(self.parameters),):
+            raise InputError(f"has {new_values.size} entries for {len(self.parameters)} parameters", "values")
+        pairs = zip(self.parameters, new_values.tolist(), strict=True)
+        return replace(self, parameters=tuple(replace(parameter, value=value) for parameter, value in pairs))
 
     def _summary(self) -> str:
-        values = ", ".join(f"{own.name}={own.value:.6g}" for own in self.parameters)
+        values = ", ".join(f"{parameter.name}={parameter.value:.6g}" for parameter in self.parameters)
         return f"{counted(self.size, 'coordinate')}{values and f', {values}'}"
 
 
@@ -354,24 +363,24 @@ def dense_entries(size: int) -> tuple[Index, Index]:
     return rows, columns
 
 
-@lru_cache(maxsize=KEPT_FUNCTIONS)
-def several(ones: SampledFunctions, samples: int) -> SampledFunctions:
-    """Return the Functions of N samples that evaluate those of one, with the same parameters."""
+@lru_cache(maxsize=CACHED_FUNCTIONS)
+def map_samples(one_sample: SampledFunctions, samples: int) -> SampledFunctions:
+    """Return the Functions of one sample, mapped over N samples with common parameters."""
 
-    def side_by_side(one: cs.Function) -> cs.Function:
-        names = one.name_in()
-        symbols = [cs.MX.sym(name, one.numel_in(k), 1 if name == "p" else samples) for k, name in enumerate(names)]
-        results = one.map(samples).call([cs.repmat(x, 1, samples // x.size2()) for x in symbols])
-        return cs.Function(one.name(), symbols, results, names, one.name_out())
+    def map_function(function: cs.Function) -> cs.Function:
+        names = function.name_in()
+        symbols = [cs.MX.sym(name, function.numel_in(k), 1 if name == "p" else samples) for k, name in enumerate(names)]
+        results = function.map(samples).call([cs.repmat(x, 1, samples // x.size2()) for x in symbols])
+        return cs.Function(function.name(), symbols, results, names, function.name_out())
 
-    return SampledFunctions(*map(side_by_side, ones))
+    return SampledFunctions(*map(map_function, one_sample))
 
 
-def _vector(given: Array | Sequence[float] | None, size: int, default: float, where: str) -> Array:
-    """Return a vector of the given size, filled with the default if it is not given."""
-    if given is None:
+def _vector(value: Array | Sequence[float] | None, size: int, default: float, where: str) -> Array:
+    """Return a vector of the size; None stands for entries with the default."""
+    if value is None:
         return np.full(size, default)
-    values = np.atleast_1d(array(given, where))
+    values = np.atleast_1d(array(value, where))
     if values.shape != (size,):
         raise InputError(f"has {values.size} entries for {size} coordinates", where)
     return values

@@ -29,7 +29,7 @@ from ancf_casadi.reduction import ReducedModel, reduce_model
 from ancf_casadi.reduction.reduced import Reduction, rebuild_reduction
 from ancf_casadi.response.harmonic_balance.system import beam_drive
 from ancf_casadi.support.arrays import Array, Index
-from ancf_casadi.support.tables import known
+from ancf_casadi.support.tables import finite_or_none
 from ancf_casadi.vibration.equilibrium import largest_bend
 from problems.beam.curves.checks import checked
 from problems.beam.curves.driven import Driven, driven, fourier_coefficients, shapes, small_response
@@ -177,8 +177,8 @@ class CurveBlock(ResponseBlock):
         data = account.data | {
             "modes": self.modes,
             "harmonics": self.harmonics,
-            "truncation_shifts": [known(shift) for shift in fitted.shifts.tolist()],
-            "level_shifts": [known(shift) for shift in by_levels.tolist()],
+            "truncation_shifts": [finite_or_none(shift) for shift in fitted.shifts.tolist()],
+            "level_shifts": [finite_or_none(shift) for shift in by_levels.tolist()],
         }
         return Account([*account.lines, truncation], notes, data)
 

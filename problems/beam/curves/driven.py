@@ -79,7 +79,7 @@ def small_response(driven: Driven, record: ResponseRecord, frequency: float, s: 
     for f in values.tolist():
         curve, slight = driven.curve(2 * math.pi * f, s), 1e-9 * driven.drive.amplitude
         response = linear_response(curve.balance, 2 * math.pi * f)
-        z = curve.joined(response[0] + slight * response[1], replace(curve.setting, amplitude=slight))
+        z = curve.join(response[0] + slight * response[1], replace(curve.setting, amplitude=slight))
         amplitude, phase = driven.read(curve, z)[0]
         amplitudes.append(amplitude / 1e-9 * np.exp(1j * phase))
     return ResponseRecord(values, np.array(amplitudes), sensor=record.sensor, base=record.base, load=record.load)

@@ -158,7 +158,7 @@ def motion_from_rest(driven: Driven, measured: Measured, s: Array) -> PointMotio
     """Return a motion with nearly the measured amplitude, on the curve that begins at rest."""
     goal, curve, size = float(measured.values[0]), driven.curve(measured.omega, s), driven.drive.amplitude
     response, slight = linear_response(curve.balance, measured.omega), 1e-9 * size
-    z = curve.joined(response[0] + slight * response[1], replace(curve.setting, amplitude=slight))
+    z = curve.join(response[0] + slight * response[1], replace(curve.setting, amplitude=slight))
     amplitude = float(driven.read(curve, z)[0][0]) / slight
     if not amplitude > 0.0:
         raise NumericsError("the sensor does not move")
@@ -194,7 +194,7 @@ def _half_period_later(motion: PointMotion) -> PointMotion:
     """Return the same motion with a level of the other sign: the time begins half a period later."""
     family, setting = motion.point.family, motion.point.setting
     C = (-1.0) ** family.balance.fourier.orders[:, None] * motion.point.coefficients
-    z = family.joined(C, replace(setting, amplitude=-setting.amplitude))
+    z = family.join(C, replace(setting, amplitude=-setting.amplitude))
     return PointMotion(motion.driven, family.at(z, motion.point.row))
 
 
@@ -228,7 +228,7 @@ def _again(driven: Driven, curve: Family, start: PointMotion) -> PointMotion:
         coefficients, setting = start.point.family.split(vector)
         C = np.zeros((curve.balance.fourier.size, curve.balance.system.size))
         C[: len(coefficients), : coefficients.shape[1]] = coefficients
-        return curve.joined(C, setting)
+        return curve.join(C, setting)
 
     z, row = pad(start.point.z), pad(start.bordered.row)
     curve = replace(curve, size=start.point.family.size)

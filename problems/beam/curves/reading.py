@@ -14,12 +14,12 @@ import numpy as np
 from ancf_casadi.dynamics.base_motion import HarmonicBase
 from ancf_casadi.dynamics.tip_load import HarmonicLoad
 from ancf_casadi.exceptions import InputError
-from ancf_casadi.records.channel import RecordedChannel, listed
+from ancf_casadi.records.channel import RecordedChannel, list_labels
 from ancf_casadi.records.over_frequency import (
     SpectralContents,
     SpectralFunction,
 )
-from ancf_casadi.records.sensor import Sensor, sensor_of
+from ancf_casadi.records.sensor import Sensor, assign_sensor
 from ancf_casadi.records.units import Unit
 from ancf_casadi.response.harmonic_balance.system import beam_drive
 from ancf_casadi.support.arrays import Array
@@ -46,7 +46,7 @@ def only_function(functions: Sequence[SpectralFunction], path: str) -> SpectralF
     if not functions:
         raise InputError("has no column of amplitudes", path)
     if len(functions) > 1:
-        columns = listed([function.channel for function in functions])
+        columns = list_labels([function.channel for function in functions])
         raise InputError(f"has {len(functions)} columns of amplitudes, {columns}; choose with --column", path)
     return functions[0]
 
@@ -58,7 +58,7 @@ def level_column(contents: SpectralContents) -> RecordedChannel | None:
     if not levels and len(sizes) > 1:
         levels = [channel for channel in sizes if channel.unit and channel.unit.quantity == "force"]
     if len(levels) > 1:
-        raise InputError(f"the level may be column {listed(levels)}; choose with --level", contents.path)
+        raise InputError(f"the level may be column {list_labels(levels)}; choose with --level", contents.path)
     return levels[0] if levels else None
 
 
@@ -66,7 +66,7 @@ def amplitude_reading(
     channel: RecordedChannel, unit: Unit | None, sensor: Sensor | None, *, for_beam: bool
 ) -> tuple[float, Sensor]:
     """Return the factor of the amplitudes to the unit of the sensor, and the sensor; a beam reads no signals."""
-    factor, read_by = sensor_of(channel, unit, sensor)
+    factor, read_by = assign_sensor(channel, unit, sensor)
     if for_beam and read_by.quantity == "signal":
         raise InputError(f"the reading is in {read_by.unit}, which no sensor of a beam has; give its scale", "unit")
     return factor, read_by

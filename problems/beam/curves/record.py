@@ -41,12 +41,12 @@ from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.records.channel import Recording, unit_notes
 from ancf_casadi.records.layout import NO_LAYOUT, TableLayout
-from ancf_casadi.records.over_frequency import functions_of, read_spectral, sine_amplitudes
+from ancf_casadi.records.over_frequency import extract_functions, read_spectral, sine_amplitudes
 from ancf_casadi.records.sensor import Sensor
 from ancf_casadi.records.units import known_unit
 from ancf_casadi.response.harmonic_balance.system import beam_drive
 from ancf_casadi.support.arrays import Array, ComplexArray
-from ancf_casadi.support.inputs import array, check_instance, choice, complex_array, flag, located, positive_array
+from ancf_casadi.support.inputs import array, check_instance, choice, complex_array, error_prefix, flag, positive_array
 from ancf_casadi.support.tables import Displayed, counted, spread
 from problems.beam.curves.reading import (
     ExcitationUnit,
@@ -233,8 +233,8 @@ class ResponseRecord(Displayed):
         levels_column = level_column(contents)
         if levels_column is not None:
             contents = contents.only("--level", ["level"], levels_column.number)
-        function = only_function(functions_of(contents, phase_unit), contents.path)
-        with located(f"{contents.path}: column {function.channel.label}"):
+        function = only_function(extract_functions(contents, phase_unit), contents.path)
+        with error_prefix(f"{contents.path}: column {function.channel.label}"):
             factor, read_by = amplitude_reading(function.channel, own_unit, sensor, for_beam=excitation_unit is None)
         values = factor * function.values
         notes = [*contents.notes, *(() if own_unit else unit_notes([function.channel]))]
@@ -253,7 +253,7 @@ class ResponseRecord(Displayed):
         if not present.all():
             notes.append(f"{int((~present).sum())} rows with a gap are left out")
         frequencies = contents.frequencies[present]
-        with located(contents.path):
+        with error_prefix(contents.path):
             if excitation_unit is None:
                 base, load, levels = excitation_at_one(frequencies, levels, quantity, base, load)
             else:
@@ -269,7 +269,7 @@ class ResponseRecord(Displayed):
             "excitation_unit": excitation_unit or "",
             "notes": tuple(f"{Path(contents.path).name}: {note}" for note in notes),
         }
-        with located(contents.path):
+        with error_prefix(contents.path):
             return cls(**(arguments | settings))
 
     def _check_excitation(self) -> None:

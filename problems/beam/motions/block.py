@@ -40,7 +40,7 @@ from ancf_casadi.mechanics.model import Model
 from ancf_casadi.mechanics.nodes import NODE
 from ancf_casadi.records.sensor import Sensor
 from ancf_casadi.support.arrays import Array, Index, root_mean_square
-from ancf_casadi.support.tables import known
+from ancf_casadi.support.tables import finite_or_none
 from ancf_casadi.vibration.equilibrium import largest_bend
 from problems.beam.mesh import split_law, split_model, split_record
 from problems.beam.motions.record import Channel, MotionRecord, channel_labels, record_titles
@@ -316,7 +316,7 @@ class MotionBlock(Block):
                 for channel in channels
             ],
             "tolerance": self.tolerance,
-            "integration_shifts": [known(shift) for shift in fitted.shifts.tolist()],
+            "integration_shifts": [finite_or_none(shift) for shift in fitted.shifts.tolist()],
         }
         return Account(lines, self._limitations(fitted, worst), data)
 

@@ -33,10 +33,10 @@ from ancf_casadi.support.callbacks import Differentiable
 from ancf_casadi.support.inputs import (
     array,
     check_instance,
+    error_prefix,
     flag,
     instances,
     is_sequence,
-    located,
     physical,
     positive_array,
     shown,
@@ -332,7 +332,7 @@ def _cases(loads: object, model: Model) -> tuple[tuple[PointLoad, ...], ...]:
         case_loads = (case,) if isinstance(case, PointLoad) else tuple(case) if is_sequence(case) else (case,)
         for load in case_loads:
             check_instance(load, "loads", PointLoad)
-            with located("loads"):
+            with error_prefix("loads"):
                 load.place(model.beam)
         cases.append(case_loads)
     return tuple(cases)

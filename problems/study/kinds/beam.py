@@ -20,7 +20,7 @@ from ancf_casadi.mechanics.spec import BeamSpec
 from ancf_casadi.mechanics.supports import Clamp
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.figures import Figure
-from ancf_casadi.support.inputs import located, whole
+from ancf_casadi.support.inputs import error_prefix, whole
 from ancf_casadi.support.specs import UNLISTED, convert
 from ancf_casadi.support.tables import Cell, Table, to_json
 from ancf_casadi.vibration.modes import STATIONS, Modes, natural_modes
@@ -209,7 +209,7 @@ class Match(Step):
                 f"a match takes {MOST_ELEMENTS} at most, got {elements}; 20 to 100 are enough",
                 f"{study.file.where('beam')}: elements",
             )
-        with located(study.file.where("match")):
+        with error_prefix(study.file.where("match")):
             table.request()
         modes = len(table.targets)
         columns = {"standard": modes, "optimum": modes, "value": len(ELEMENT_ROWS)}

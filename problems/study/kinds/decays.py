@@ -20,10 +20,10 @@ from ancf_casadi.decay.rest_position import Rest
 from ancf_casadi.estimation.agreement import subset_estimates
 from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.support.arrays import Array
-from ancf_casadi.support.figures import Figure, prefixed
-from ancf_casadi.support.inputs import located
+from ancf_casadi.support.figures import Figure, si_prefix
+from ancf_casadi.support.inputs import error_prefix
 from ancf_casadi.support.specs import convert
-from ancf_casadi.support.tables import Cell, Table, known
+from ancf_casadi.support.tables import Cell, Table, finite_or_none
 from problems.decay.fitting import fit_decay
 from problems.decay.laws import Law
 from problems.decay.result import DecayFit
@@ -81,7 +81,7 @@ def fit_plain(decay: Decay, law: str, rest: Rest | None) -> FittedDecay:
     """Fit a decay, and return the fit as plain data."""
     release = None if math.isnan(decay.release_time) else decay.release_time
     record = decay.record
-    with located(record.name):
+    with error_prefix(record.name):
         fit: DecayFit = fit_decay(record, law=law, rest=rest, release_time=release)  # type: ignore[arg-type]
     per_period = len(fit.time) / max(1.0, fit.frequency * float(fit.time[-1] - fit.time[0]))
     periods = min(12, max(3, 300 / per_period), len(fit.time) / per_period)  # drawn in detail
@@ -104,7 +104,7 @@ def unbounded_coefficients(fit: DecayFit) -> tuple[float, float, Array]:
 
 def _numbers(fit: DecayFit) -> dict[str, Any]:
     def error(name: str) -> float | None:
-        return known(fit.standard_errors.get(name, math.nan))
+        return finite_or_none(fit.standard_errors.get(name, math.nan))
 
     unbounded = None  # coefficients of the quadratic law as if they had no bounds, and their covariance
     if fit.law == "quadratic":
@@ -122,7 +122,7 @@ def _numbers(fit: DecayFit) -> dict[str, Any]:
         "eta1_stderr": error("eta1"),
         "eta2_per_m": fit.eta2,
         "eta2_stderr_per_m": error("eta2"),
-        "correlation": known(fit.correlation),
+        "correlation": finite_or_none(fit.correlation),
         "unbounded": unbounded,
         "warnings": list(fit.warnings),
     }
@@ -264,7 +264,7 @@ def _decay_figure(decay: Decay, fit: FittedDecay, title: str) -> Figure:
     """Draw a decay with its fit, its first periods, and the residuals."""
     figure, (whole_record, first, remainder) = new_figure(4.6, 3)
     (time, measured, fitted), (fine_time, fine) = fit.motion, fit.first_periods
-    size, unit = prefixed(float(np.abs(measured).max()), decay.record.sensor.unit)
+    size, unit = si_prefix(float(np.abs(measured).max()), decay.record.sensor.unit)
     label = "synthetic record" if decay.synthetic else "record"
     frequency = fit.numbers["frequency_hz"]
     draw_band(whole_record, band(time, measured, frequency), 1 / size, filled=True, color="black", label=label)
@@ -273,7 +273,7 @@ def _decay_figure(decay: Decay, fit: FittedDecay, title: str) -> Figure:
     first.plot(time[shown], measured[shown] / size, "k.", ms=3, label=label)
     first.plot(fine_time, fine / size, **line(1), lw=1, label="fit")
     residuals = measured - fitted
-    residual_size, residual_unit = prefixed(float(np.abs(residuals).max()), decay.record.sensor.unit)
+    residual_size, residual_unit = si_prefix(float(np.abs(residuals).max()), decay.record.sensor.unit)
     windows = np.unique(np.linspace(0, len(residuals) - 1, min(300, len(residuals))).astype(int))  # as drawn
     low, high = (extreme.reduceat(residuals, windows) / residual_size for extreme in (np.minimum, np.maximum))
     remainder.vlines(time[windows], low, high, color="black", lw=0.7)

@@ -39,7 +39,7 @@ from ancf_casadi.mechanics.beam import Beam
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.support.arrays import Array
-from ancf_casadi.support.inputs import located, whole
+from ancf_casadi.support.inputs import error_prefix, whole
 from ancf_casadi.support.specs import UNLISTED, Positive
 from ancf_casadi.vibration.modes import Modes, natural_modes
 from problems.decay.fitting import fit_decay
@@ -81,7 +81,7 @@ class RequestedRun:
         whole(self.mode, f"{where}: mode", 1, study.model.freedoms)
         if not self.laws:
             raise InputError("name at least one of [[laws]]", f"{where}: laws")
-        with located(where):
+        with error_prefix(where):
             if self.ramp and self.frequency:
                 HarmonicBase(1.0, self.frequency, self.stop, ramp=self.ramp)
 

@@ -21,9 +21,9 @@ from ancf_casadi.exceptions import InputError, NumericsError
 from ancf_casadi.export.identification import Identification
 from ancf_casadi.export.model_document import Document
 from ancf_casadi.mechanics.spec import BeamSpec
-from ancf_casadi.support.inputs import located
+from ancf_casadi.support.inputs import error_prefix
 from ancf_casadi.support.specs import Positive
-from ancf_casadi.support.tables import Table, known, to_json
+from ancf_casadi.support.tables import Table, finite_or_none, to_json
 from ancf_casadi.vibration.equilibrium import bends_allowed
 from ancf_casadi.vibration.modes import natural_modes
 from problems.beam.fitting import compare_laws, fit_beam
@@ -72,7 +72,7 @@ def simulated(
 ) -> Finding:
     """Simulate the motion of a study file: range and energies, and the figure of the motion."""
     tables = SimulationTables.of(file).read()
-    with located(file.where("simulation")):
+    with error_prefix(file.where("simulation")):
         run = simulate(**tables.arguments)
     data: dict[str, Any] = {
         "tip_position_range_m": np.ptp(run.tip, axis=0).tolist(),
@@ -119,7 +119,7 @@ class SimulationStep(TablesStep):
         if self.animation:
             from ancf_casadi.animation.motions import check_animation  # matplotlib is slow to import
 
-            with located(f"{where}: animation"):
+            with error_prefix(f"{where}: animation"):
                 check_animation(self.animation)
                 if Path(self.animation).name != self.animation:
                     raise InputError("must be a name without a folder")
@@ -141,7 +141,7 @@ def _positions(run: Trajectory, markers: Mapping[str, float]) -> Table:
 def fitted(file: StudyFile, formats: tuple[str, ...]) -> Finding:
     """Fit the motion in the files of a study: estimates, predictions and their figures."""
     read = Measurements.of(file).read()
-    with located(file.where("fit")):
+    with error_prefix(file.where("fit")):
         fit = fit_beam(read.model, read.records, read.damping, **read.settings)
     figures = [drawn("Measured motion (dots), fitted motion (lines), and residuals.", fit.figure, formats)]
     predictions, failures = [], []
@@ -225,7 +225,7 @@ class MotionFit(TablesStep):
 def compared(file: StudyFile, formats: tuple[str, ...]) -> Finding:
     """Fit the laws of a study file to its records: the criteria, as a table and as a figure."""
     read = Measurements.of(file).read()
-    with located(file.where("fit")):
+    with error_prefix(file.where("fit")):
         found = compare_laws(read.model, read.records, read.laws, **read.settings)
     caption = "Information criteria of the laws above the lowest: smaller is better."
     data = found.to_dict()
@@ -268,7 +268,7 @@ def planned(file: StudyFile, formats: tuple[str, ...]) -> Finding:
     found = task.planned()
     choice = task.chosen(found)
     own = found.table()
-    rows = [*own.rows, ("best list", None, *map(known, found.relative(choice["standard_errors"]).values()))]
+    rows = [*own.rows, ("best list", None, *map(finite_or_none, found.relative(choice["standard_errors"]).values()))]
     bought = ", ".join(f"{count} × {name}" for name, count in choice["best"].items() if count)
     note = f"Best list within the budget {choice['budget']:g} for {choice['goal']}: {bought}."
     caption = (

@@ -11,8 +11,8 @@ from msgspec import Meta
 
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.support.figures import Figure, plain_log_ticks
-from ancf_casadi.support.inputs import located
-from ancf_casadi.support.tables import known
+from ancf_casadi.support.inputs import error_prefix
+from ancf_casadi.support.tables import finite_or_none
 from problems.modal_damping.rayleigh import fit_rayleigh, rayleigh_ratio
 from problems.study.compute import Compute
 from problems.study.drawing import line, new_figure
@@ -46,7 +46,7 @@ class Rayleigh(Step):
 
     def checked(self, study: Study, where: str) -> Self:
         """Return the step with its printed numbers, once its modes have a law."""
-        with located(where):
+        with error_prefix(where):
             fit_rayleigh(self.frequencies, self.ratios, ratio_std=self.ratio_std or None)
         return replace(self, printed=printed_numbers(self.printed, {"value": 2}, where))
 
@@ -103,8 +103,8 @@ def rayleigh_finding(
     data = {
         "alpha": fit.alpha,
         "beta": fit.beta,
-        "alpha_stderr": known(errors[0]),
-        "beta_stderr": known(errors[1]),
+        "alpha_stderr": finite_or_none(errors[0]),
+        "beta_stderr": finite_or_none(errors[1]),
         "warnings": list(fit.warnings),
     }
     terms = ({"law": "rayleigh", "alpha": fit.alpha, "beta": fit.beta},)

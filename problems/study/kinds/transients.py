@@ -18,7 +18,7 @@ from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.beam import Beam
 from ancf_casadi.support.arrays import Array, maxima
 from ancf_casadi.support.figures import Axes, Figure, plain_log_ticks
-from ancf_casadi.support.tables import Table, known
+from ancf_casadi.support.tables import Table, finite_or_none
 from problems.study.compute import Compute
 from problems.study.drawing import draw_band, line, new_figure, series
 from problems.study.kinds.experiment import ExperimentResult, RequestedRun, run_experiment
@@ -95,7 +95,7 @@ def transients_finding(
         for k, (run, results_of_run) in enumerate(zip(runs, results, strict=True))
         for law, result in zip(run.laws, results_of_run, strict=True)
     ]
-    data: dict[str, Any] = {"experiment": [known(run.measured_ratio) for run in runs]}
+    data: dict[str, Any] = {"experiment": [finite_or_none(run.measured_ratio) for run in runs]}
     if data["experiment"].count(None) == len(runs):
         del data["experiment"]
     laws = _laws(runs)

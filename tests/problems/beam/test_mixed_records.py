@@ -24,7 +24,7 @@ from ancf_casadi import (
 from ancf_casadi.estimation.block import Account, Block
 from ancf_casadi.estimation.solve import FitProblem, solve
 from ancf_casadi.estimation.solver.unknown import Unknown
-from ancf_casadi.plot import rendered
+from ancf_casadi.plot import figure_bytes
 from problems import FrequencyRecord, MarkerRecord, ResponseRecord, StaticRecord, fit_beam
 from tests.problems.beam.response_curves import noisy, swept
 from tests.problems.beam.truth import ONES, respond, scores
@@ -127,7 +127,7 @@ def test_a_mixed_fit_is_reported_drawn_kept_and_repeated(first, exact, of_all):
     text = fit.report()
     assert all(word in text for word in ("integrated at the tolerance", "harmonics", "static test, case 2", "mode 3"))
     assert [account.data["kind"] for account in fit.accounts] == ["motion", "response", "values", "values"]
-    assert rendered(fit.figure()).startswith(b"\x89PNG") and len(repr(fit)) < 200
+    assert figure_bytes(fit.figure()).startswith(b"\x89PNG") and len(repr(fit)) < 200
     kept = pickle.loads(pickle.dumps(fit))
     assert kept.intervals() == fit.intervals() and kept.report() == fit.report()
     pair = [records[KINDS.index(kind)] for kind in ("sag", "frequencies")]

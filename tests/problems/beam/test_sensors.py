@@ -18,7 +18,7 @@ from ancf_casadi import (
     static_equilibrium,
 )
 from ancf_casadi.mechanics.loads import PointLoad
-from ancf_casadi.plot import rendered
+from ancf_casadi.plot import figure_bytes
 from ancf_casadi.records.sensor import Sensor
 from problems import Camera, Channel, MarkerRecord, MotionRecord, StaticRecord, fit_beam
 from problems.beam.motions.weights import first_weights
@@ -88,7 +88,7 @@ def test_sensors_of_all_units_share_one_fit_and_fix_modulus_and_density(swing):
     assert [channel["channel"] for channel in fit.to_dict()["records"][0]["channels"]][3] == "velocity normal, tip"
     assert "weighted by 1/" in fit.report()
     json.dumps(fit.to_dict(), allow_nan=False)
-    assert len(fit.figure().axes) == 2 * 8 and rendered(fit.figure()).startswith(b"\x89PNG")
+    assert len(fit.figure().axes) == 2 * 8 and figure_bytes(fit.figure()).startswith(b"\x89PNG")
     assert [residuals.size for residuals in fit.residuals] == [record.time.size for record in records]
 
 
@@ -236,7 +236,7 @@ def test_a_prediction_of_another_start_agrees_within_noise_and_shows_a_wrong_mod
     assert min(wrong.relative_errors.values()) > 0.1 and len(wrong.warnings) == 2
     assert all(warning in wrong.report() for warning in wrong.warnings)
     json.dumps(wrong.to_dict(), allow_nan=False)
-    assert rendered(wrong.figure()).startswith(b"\x89PNG")
+    assert figure_bytes(wrong.figure()).startswith(b"\x89PNG")
     loaded = Model(swing.model.beam.with_(tip_mass=1e-3))
     heavy = fit.predict(MotionRecord(other, start=swing.start, model=loaded))
     assert min(heavy.relative_errors.values()) > 0.1

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from ancf_casadi.records.measurement import Measurement
-from ancf_casadi.records.processing import projected
+from ancf_casadi.records.processing import project_on_cosines
 from problems.decay import solution
 from problems.decay.fitting import fit_decay, fit_decays
 
@@ -74,10 +74,10 @@ def test_takes_keep_the_weights_of_their_samples():
 def test_a_projection_keeps_white_noise_and_slow_curves():
     """Its rows are orthogonal, and slow cosines keep their values at the new times."""
     whole, count = 600, 60
-    rows = projected(np.eye(whole)[0], count)
-    every = np.array([projected(column, count) for column in np.eye(whole)]).T
+    rows = project_on_cosines(np.eye(whole)[0], count)
+    every = np.array([project_on_cosines(column, count) for column in np.eye(whole)]).T
     np.testing.assert_allclose(every @ every.T, count / whole * np.eye(count), atol=1e-12)
     np.testing.assert_allclose(every[:, 0], rows)
     middle = (np.arange(whole) + 0.5) / whole, (np.arange(count) + 0.5) / count
     fine, coarse = (np.cos(7 * math.pi * t) + 2.0 for t in middle)
-    np.testing.assert_allclose(projected(fine, count), coarse, atol=1e-12)
+    np.testing.assert_allclose(project_on_cosines(fine, count), coarse, atol=1e-12)

@@ -17,7 +17,7 @@ from ancf_casadi import (
     natural_modes,
 )
 from ancf_casadi.estimation.result import FitResult
-from ancf_casadi.plot import rendered
+from ancf_casadi.plot import figure_bytes
 from ancf_casadi.response.linear_frf import FRF_POWERS
 from problems import FrfRecord, Global, fit_frf, match_frequencies
 from problems.frf import fitting, selection
@@ -371,7 +371,7 @@ def test_the_result_is_reported_drawn_and_written(result):
     assert np.shape(table["modes"][0]["constants_real"]) == (3, 1)
     figure = result.figure()
     assert [axes.get_title() for axes in figure.axes[:3]] == ["0.1 m", "0.3 m", "0.5 m"]
-    assert rendered(figure).startswith(b"\x89PNG")
+    assert figure_bytes(figure).startswith(b"\x89PNG")
 
 
 @pytest.mark.slow

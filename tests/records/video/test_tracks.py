@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from ancf_casadi import InputError, track_video
-from ancf_casadi.records.video.marks import Pose, mark_at, point_of, refined
-from ancf_casadi.records.video.recorded import SMOOTHING
+from ancf_casadi.records.video.marks import Pose, mark_at, refine_pose, tracked_point
+from ancf_casadi.records.video.recording import SMOOTHING
 from ancf_casadi.records.video.tracking import _scatter
 from problems import fit_decay
 
@@ -67,7 +67,7 @@ def test_the_place_within_a_pixel_does_not_matter(render, pattern, largest, star
         picture = next(render.frames(still, shapes, [30], pattern=pattern, size=(120, 120), noise=0.0))
         smooth = cv2.GaussianBlur(picture.astype(np.float32), (0, 0), SMOOTHING)
         mark = mark or mark_at(smooth, place, 9)
-        errors.append(point_of(mark, refined(mark, smooth, Pose(np.rint(place)))) - place)
+        errors.append(tracked_point(mark, refine_pose(mark, smooth, Pose(np.rint(place)))) - place)
     assert np.std(errors, axis=0).max() < largest
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from ancf_casadi import InputError, read_recording, track_video
-from ancf_casadi.records.video.recorded import _time
+from ancf_casadi.records.video.recording import _time
 from ancf_casadi.records.video.view import View
 from problems.cli import main
 
@@ -20,7 +20,7 @@ def test_a_ruler_the_clamp_and_a_vertical_line_give_metres_in_the_laboratory_fra
     line = (*(clamp + 7.0), *(clamp + 7.0 + 90.0 * down))
     ruler = (10.0, 20.0, 10.0 + 120.0, 20.0 + 160.0, 0.1)
     for vertical in (line, (*line[2:], *line[:2])):
-        positions, scale = View.given(ruler=ruler, clamp=clamp.tolist(), vertical=vertical).positions(None, points)
+        positions, scale = View.of(ruler=ruler, clamp=clamp.tolist(), vertical=vertical).positions(None, points)
         np.testing.assert_allclose(positions, true, atol=1e-12)
         assert scale == pytest.approx(0.5e-3)
 
@@ -34,7 +34,7 @@ def test_distortion_of_the_lens_is_taken_out():
     seen = cv2.projectPoints(rays, np.zeros(3), np.zeros(3), camera, np.array(distortion))[0].reshape(-1, 2)
     assert np.abs(seen - straight).max() > 5.0
     gap = np.vstack([seen, [[np.nan, np.nan]]])
-    positions, _ = View.given(lens=(focal, focal, *centre, *distortion)).positions(cv2, gap)
+    positions, _ = View.of(lens=(focal, focal, *centre, *distortion)).positions(cv2, gap)
     np.testing.assert_allclose(positions[:3] * [1, -1], straight, atol=2e-3)
     assert np.isnan(positions[3]).all()
 
@@ -127,9 +127,9 @@ def test_a_faulty_video_ends_in_one_line(strip, render, tmp_path, capfd, fault, 
 
 
 def frames_of(path):
-    from ancf_casadi.records.video.frames import decoded
+    from ancf_casadi.records.video.frames import open_video
 
-    with decoded(path) as video:
+    with open_video(path) as video:
         yield from video.frames
 
 

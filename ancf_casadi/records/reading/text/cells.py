@@ -46,27 +46,27 @@ def is_stamp(cell: str) -> bool:
 
 
 def iso_nanoseconds(cells: Sequence[str]) -> Index | None:
-    """Return nanoseconds since 1970 of ISO stamps; None if one is no valid stamp."""
-    alike = _alike(cells)
-    if alike is not None:
-        return alike
-    found = [ISO.fullmatch(cell.strip()) for cell in cells]
-    if not all(found):
+    """Return nanoseconds since 1970 of ISO stamps; None if one is invalid."""
+    uniform = _uniform_stamps(cells)
+    if uniform is not None:
+        return uniform
+    matches = [ISO.fullmatch(cell.strip()) for cell in cells]
+    if not all(matches):
         return None
-    matched = [match for match in found if match]
-    texts = [f"{match[1]}T{match[2].replace(',', '.')}" for match in matched]
-    offsets = {match[3] or "" for match in matched}
+    stamp_matches = [match for match in matches if match]
+    texts = [f"{match[1]}T{match[2].replace(',', '.')}" for match in stamp_matches]
+    offsets = {match[3] or "" for match in stamp_matches}
     try:
         stamps: Index = np.array(texts, dtype="datetime64[ns]").astype(np.int64)
     except ValueError:
         return None
     if len(offsets) > 1:  # the clock changed, or zones are mixed
-        stamps = stamps - np.array([_offset(match[3] or "") for match in matched], dtype=np.int64)
+        stamps = stamps - np.array([_offset(match[3] or "") for match in stamp_matches], dtype=np.int64)
     return stamps
 
 
-def _alike(cells: Sequence[str]) -> Index | None:
-    """Return nanoseconds since 1970 of stamps that are written alike, much faster; None if they are not."""
+def _uniform_stamps(cells: Sequence[str]) -> Index | None:
+    """Return nanoseconds since 1970 of stamps with the same format, much faster; None if the formats differ."""
     first = ISO.fullmatch(cells[0])
     if not first or "," in cells[0]:
         return None
@@ -82,12 +82,12 @@ def _alike(cells: Sequence[str]) -> Index | None:
 
 
 def clock_seconds(cells: Sequence[str]) -> Array | None:
-    """Return seconds since midnight of clock times; None if one is no valid clock time."""
-    found = [CLOCK.fullmatch(cell.strip()) for cell in cells]
-    if not all(found):
+    """Return seconds since midnight of clock times; None if one is invalid."""
+    matches = [CLOCK.fullmatch(cell.strip()) for cell in cells]
+    if not all(matches):
         return None
-    parts = [(int(match[1] or 0), int(match[2]), float(match[3].replace(",", "."))) for match in found if match]
-    hours, minutes, seconds = np.array(parts).T
+    times = [(int(match[1] or 0), int(match[2]), float(match[3].replace(",", "."))) for match in matches if match]
+    hours, minutes, seconds = np.array(times).T
     return np.asarray(3600.0 * hours + 60.0 * minutes + seconds)
 
 
@@ -163,8 +163,8 @@ class Dialect:
         """Return the numbers in cells such as ``(1e-3-4e-4j)`` or ``1 - 2i``, as ``numbers`` does."""
         matches = [CELL_COMPLEX.fullmatch(cell.strip()) for cell in cells]
         real, fault = self.numbers([match[1] if match else cell for match, cell in zip(matches, cells, strict=True)])
-        imaginary, other = self.numbers([match[2] + match[3] if match else "0" for match in matches])
-        return real + 1j * imaginary, other if fault is None else fault
+        imaginary, imaginary_fault = self.numbers([match[2] + match[3] if match else "0" for match in matches])
+        return real + 1j * imaginary, imaginary_fault if fault is None else fault
 
 
 def is_comment(line: str) -> bool:
@@ -172,6 +172,6 @@ def is_comment(line: str) -> bool:
     return line.lstrip().startswith(COMMENTS)
 
 
-def uncommented(line: str) -> str:
+def strip_comment(line: str) -> str:
     """Return a line without the characters that mark it as a comment."""
     return line.strip().lstrip("#%/!*").strip()

@@ -1,10 +1,10 @@
 """Recognition of a table in text: the delimiter, the decimal sign, and the first row of numbers.
 
 Each combination of delimiter and decimal sign splits the first lines of the file into cells.  The table is the longest
-run of lines with the same number of cells, at least one of which is a number or a time.  The combination wins that
-leaves the smallest share of words in the table, and then the most rows with numbers where most rows have them.  Two
-combinations that leave no words are ambiguous, and refused; a comma between two whole numbers may separate columns or
-decimals, so that other signs must decide:
+run of lines with the same number of cells, at least one of which is a number or a time.  The combination with the
+smallest share of words in the table wins, and then the one with the most rows of the usual kinds of cells.  Two
+combinations without words are ambiguous, and refused; a comma between two whole numbers may separate columns or
+decimals, and other evidence must decide:
 
 - ``0,05`` has a zero that no separate whole number would have, and is a decimal comma;
 - a header with fewer names than cells contradicts the comma as delimiter;
@@ -54,12 +54,12 @@ class TableHead:
 
     @property
     def usual_rows(self) -> int:
-        """Number of rows with numbers where most rows have them."""
+        """Number of rows with numbers in the columns of numbers."""
         return sum(_fits([self.dialect.kind(cell) for cell in row], self.kinds) for row in self.rows)
 
 
 def find_table(lines: Sequence[str], numbers: Sequence[int], path: str) -> TableHead:
-    """Return the table in the first lines of a file, whose line numbers are ``numbers``; refuse any ambiguity."""
+    """Return the table in the first lines of a file, with their line numbers; an ambiguity raises an ``InputError``."""
     text = "".join(lines)
     possible = [dialect for dialect in DIALECTS if dialect.delimiter in {*text, " "} and dialect.decimal in text + "."]
     runs = [run for dialect in possible if (run := _longest_run(dialect, lines))]
@@ -75,48 +75,48 @@ def find_table(lines: Sequence[str], numbers: Sequence[int], path: str) -> Table
 
 
 def _longest_run(dialect: Dialect, lines: Sequence[str]) -> TableHead | None:
-    """Return the rows of the table that a dialect finds."""
+    """Return the longest table in a dialect; None if there is no row of numbers."""
     split = [[] if is_comment(line) or not line.strip() else dialect.split(line) for line in lines]
     kinds = [[dialect.kind(cell) for cell in cells] for cells in split]
     runs: list[tuple[int, int]] = []  # first line, number of rows
     width, first, count = 0, 0, 0
-    for index, found in enumerate(kinds):
-        if not found:
+    for index, row_kinds in enumerate(kinds):
+        if not row_kinds:
             continue
-        if len(found) == width and _is_data(found):
+        if len(row_kinds) == width and _is_data(row_kinds):
             count += 1
         else:
             runs.append((first, count))
-            count = int(_is_data(found))
-            width, first = len(found) * count, index
+            count = int(_is_data(row_kinds))
+            width, first = len(row_kinds) * count, index
     runs.append((first, count))
     start, count = max(runs, key=lambda run: run[1])
     if not count:
         return None
     width = len(kinds[start])
-    inside = [k for k in range(start, len(lines)) if len(kinds[k]) == width][:count]
-    while len(inside) > 1 and _is_heading(kinds[inside[0]], kinds[inside[1]]):
-        inside, start = inside[1:], inside[1]
-    usual = tuple(_usual([kinds[k][column] for k in inside]) for column in range(width))
-    first = next((k for k in range(start) if len(kinds[k]) == width and _fits(kinds[k], usual)), start)
+    row_indices = [k for k in range(start, len(lines)) if len(kinds[k]) == width][:count]
+    while len(row_indices) > 1 and _is_heading(kinds[row_indices[0]], kinds[row_indices[1]]):
+        row_indices, start = row_indices[1:], row_indices[1]
+    usual_kinds = tuple(_usual_kind([kinds[k][column] for k in row_indices]) for column in range(width))
+    first = next((k for k in range(start) if len(kinds[k]) == width and _fits(kinds[k], usual_kinds)), start)
     rows = [split[k] for k in range(first, len(lines)) if len(split[k]) == width]
-    return TableHead(dialect, first, rows, usual)
+    return TableHead(dialect, first, rows, usual_kinds)
 
 
 def _is_data(kinds: Sequence[Kind]) -> bool:
     return not {"number", "stamp", "complex"}.isdisjoint(kinds)
 
 
-def _usual(kinds: Sequence[Kind]) -> Kind:
-    """Return what most cells of a column hold; gaps count only if there is nothing else."""
+def _usual_kind(kinds: Sequence[Kind]) -> Kind:
+    """Return the kind of most cells of a column; ``gap`` only if all cells are gaps."""
     possible: tuple[Kind, ...] = ("number", "complex", "stamp", "word")
     counts = {kind: kinds.count(kind) for kind in possible}
-    most = max(counts, key=lambda kind: counts[kind])
-    return most if counts[most] else "gap"
+    commonest = max(counts, key=lambda kind: counts[kind])
+    return commonest if counts[commonest] else "gap"
 
 
 def _fits(kinds: Sequence[Kind], usual: Sequence[Kind]) -> bool:
-    """Return whether a row has numbers where the table has them."""
+    """Return whether a row has numbers in the columns of numbers."""
     pairs = [(kind, expected) for kind, expected in zip(kinds, usual, strict=True) if expected in ("number", "stamp")]
     return any(kind == expected for kind, expected in pairs) and all(
         kind in (expected, "gap") for kind, expected in pairs
@@ -130,7 +130,7 @@ def _is_heading(kinds: Sequence[Kind], below: Sequence[Kind]) -> bool:
 
 
 def _rivals(run: TableHead, best: TableHead) -> bool:
-    """Return whether another reading of the commas explains the table as well."""
+    """Return whether another interpretation of the commas explains the table as well."""
     if (run.dialect.delimiter == ",") == (best.dialect.delimiter == ","):
         return False
     return run.width > 1 and run.words <= best.words and len(run.rows) >= len(best.rows)

@@ -1,8 +1,8 @@
 """Names and units above a table in text, and the tracks of points that they name.
 
-The rows directly above the numbers that have as many cells as the table hold the names and, if there are two or more,
-the units.  A comment can be such a row, as in the files that ``numpy.savetxt`` writes.  Everything further up is
-metadata.  A unit counts only if it is certain; a doubtful one is kept as text, so that it is asked for.
+Rows directly above the numbers with as many cells as the table hold the names and, if there are two or more, the units.
+A comment can be such a row, as in the files that ``numpy.savetxt`` writes.  Lines further up are metadata.  A unit
+counts only if it is certain; a doubtful one is kept as text, and the user must state it.
 
 Programs that track body parts or markers in videos, such as DeepLabCut and SLEAP, give the likelihood of each point.
 DeepLabCut writes the rows ``scorer``, ``individuals`` (if there are several), ``bodyparts`` and ``coords`` above the
@@ -27,9 +27,9 @@ import numpy as np
 
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.records.channel import COUNTER_NAME, RecordedChannel, Recording
-from ancf_casadi.records.reading.text.cells import is_comment, uncommented
+from ancf_casadi.records.reading.text.cells import is_comment, strip_comment
 from ancf_casadi.records.reading.text.dialect import SEPARATORS, TableHead
-from ancf_casadi.records.units import Unit, names_time, parse_unit, unit_in_name, unit_of
+from ancf_casadi.records.units import Unit, column_unit, names_time, parse_unit, unit_in_name
 from ancf_casadi.support.inputs import shown
 from ancf_casadi.support.tables import counted
 
@@ -49,7 +49,7 @@ STEP = re.compile(
     r"\"?(?:(?:sampl\w*|horizontal|time)[ _-]?(?:interval|period|step|increment)|(?:x[ _-]?)?increment|"
     rf"x[ _-]?incr?|delta[ _]?[xt]|dt|t[ _]?inc|abtastintervall)\"?{VALUE}", re.IGNORECASE,
 )  # fmt: skip
-LEAST_LIKELIHOOD = 0.6  # likelihood of a point that counts
+MIN_LIKELIHOOD = 0.6  # likelihood of a point that counts
 LIKELIHOOD = re.compile(r"(.*[^\s_.])[ _.]+(?:likelihood|score|confidence|conf)", re.IGNORECASE | re.DOTALL)
 COORDINATE = re.compile(r"(.*[^\s_.])[ _.]+[xyz](?:[ _(\[].*)?", re.IGNORECASE | re.DOTALL)
 Head = tuple[str, str, Unit | None]  # name of a column, its unit as written, and the meaning of the unit
@@ -58,9 +58,9 @@ Head = tuple[str, str, Unit | None]  # name of a column, its unit as written, an
 def read_heading(
     above: Sequence[tuple[int, str]], table: TableHead, path: str, names_row: int | None = None
 ) -> list[Head]:
-    """Return names and units from the lines above a table, given with their numbers; refuse rows of another width.
+    """Return names and units from the numbered lines above a table; other rows of numbers raise an ``InputError``.
 
-    The names are those in the line ``names_row``, if it is not None.
+    If ``names_row`` is not None, this line holds the names.
     """
     filled = [(number, line) for number, line in above if line.strip()]
     rows: list[list[str]] = []
@@ -72,7 +72,7 @@ def read_heading(
     while filled and names_row is None and len(rows) < 8:
         number, line = filled[-1]
         cells = _cells(line, table)
-        if cells is None or (rows and (number < below - 1 or STATED_UNIT.fullmatch(uncommented(line)))):
+        if cells is None or (rows and (number < below - 1 or STATED_UNIT.fullmatch(strip_comment(line)))):
             break
         rows.insert(0, _without_numbers(cells, table))
         filled.pop()
@@ -80,7 +80,7 @@ def read_heading(
     for number, line in filled:
         if not is_comment(line) and not rows:
             _check_metadata(line, table, f"{path}, line {number}")
-    metadata = [uncommented(line) for _, line in filled]
+    metadata = [strip_comment(line) for _, line in filled]
     matches = [match for text in _statements(metadata) if (match := STATED_UNIT.fullmatch(text.strip()))]
     stated = {unit.quantity: unit for match in matches if (unit := parse_unit(match[1]))}
     heading = _heading(rows, table)
@@ -91,12 +91,12 @@ def read_heading(
         about = filled[-1][1]
     if about is None:
         return heading
-    doubtful = shown(uncommented(about))
+    doubtful = shown(strip_comment(about))
     return [(name, symbol or doubtful, unit) for name, symbol, unit in heading]
 
 
-def below_names(lines: Sequence[str], numbers: Sequence[int], names_row: int | None) -> list[str]:
-    """Return lines of a file, empty down to the row of the names if that is given."""
+def blank_above_names(lines: Sequence[str], numbers: Sequence[int], names_row: int | None) -> list[str]:
+    """Return the lines of a file, with empty lines down to the row of the names if it is given."""
     return [
         line if names_row is None or number > names_row else "" for line, number in zip(lines, numbers, strict=True)
     ]
@@ -105,7 +105,7 @@ def below_names(lines: Sequence[str], numbers: Sequence[int], names_row: int | N
 def _named_row(filled: Sequence[tuple[int, str]], names_row: int, table: TableHead, path: str) -> list[str]:
     """Return the cells of the row with the names."""
     line = next((line for number, line in filled if number == names_row), "")
-    cells = table.dialect.split(uncommented(line) if is_comment(line) else line)
+    cells = table.dialect.split(strip_comment(line) if is_comment(line) else line)
     while len(cells) > table.width and not cells[-1]:
         cells.pop()
     cells += [""] * (table.width - len(cells)) * (table.dialect.delimiter != " ")
@@ -121,8 +121,8 @@ def _without_numbers(cells: Sequence[str], table: TableHead) -> list[str]:
 
 
 def _cells(line: str, table: TableHead) -> list[str] | None:
-    """Return the cells of a line that heads the table; None if it does not."""
-    text = uncommented(line) if is_comment(line) else line.rstrip("\n")
+    """Return the cells of a line with names or units of the table; None for any other line."""
+    text = strip_comment(line) if is_comment(line) else line.rstrip("\n")
     cells = table.dialect.split(text)
     if table.dialect.delimiter == " " and len(cells) != table.width:
         cells = re.split(r"\s{2,}|\t", text.strip())
@@ -144,8 +144,8 @@ def _has_number(table: TableHead, cells: Sequence[str]) -> bool:
 
 
 def _statements(lines: Sequence[str]) -> list[str]:
-    """Return lines of metadata, their pieces, and what stands below each piece as ``above: below``."""
-    plain = [uncommented(line).rstrip(",; \t") for line in lines]
+    """Return lines of metadata, their pieces, and pairs of pieces in successive lines as ``upper: lower``."""
+    plain = [strip_comment(line).rstrip(",; \t") for line in lines]
     pieces = [re.split(r"\s{2,}|[\t,;]\s*", text) for text in plain]
     pairs = [(upper, lower) for upper, lower in pairwise(pieces) if len(upper) == len(lower) > 1]
     below = [f"{name}: {value}" for upper, lower in pairs for name, value in zip(upper, lower, strict=True)]
@@ -153,7 +153,7 @@ def _statements(lines: Sequence[str]) -> list[str]:
 
 
 def sampling_step(lines: Sequence[str]) -> float | None:
-    """Return the time between samples, s, that the lines above a table state: as a rate, a step or an increment."""
+    """Return the time between samples, s, from a rate, step or increment in the lines above a table."""
     for statement in _statements(lines):
         for pattern, quantity in ((RATE, "frequency"), (STEP, "time")):
             if match := pattern.match(statement.strip()):
@@ -165,7 +165,7 @@ def sampling_step(lines: Sequence[str]) -> float | None:
 
 
 def _with_stated_units(heading: Sequence[Head], stated: Mapping[str, Unit]) -> list[Head]:
-    """Return the columns with units that metadata state by their quantity, where the columns have none."""
+    """Give columns without a unit the unit that the metadata state for their quantity."""
     values = [unit for quantity, unit in stated.items() if quantity != "time"]
     times = [unit.quantity == "time" if unit else names_time(name) for name, _, unit in heading]
     value = values[0] if len(values) == 1 and (any(times) or len(heading) == 1) else None
@@ -191,7 +191,7 @@ def _with_units(words: Sequence[str]) -> list[str]:
 
 
 def _check_metadata(line: str, table: TableHead, where: str) -> None:
-    """Check that a line above the table is no row of it."""
+    """Check that a line above the table is not one of its rows."""
     cells = table.dialect.split(line)
     kinds = {table.dialect.kind(cell) for cell in cells}
     if kinds <= {"number", "gap", "stamp"} and kinds & {"number", "stamp"}:
@@ -206,7 +206,7 @@ def _check_metadata(line: str, table: TableHead, where: str) -> None:
 
 
 def _heading(rows: list[list[str]], table: TableHead) -> list[Head]:
-    """Return names and units from the rows that head the table."""
+    """Return names and units from the heading rows of the table."""
     numbered = [f"column {k + 1}" for k in range(table.width)]
     if not rows:
         return [(name, "", None) for name in numbered]
@@ -220,11 +220,11 @@ def _heading(rows: list[list[str]], table: TableHead) -> list[Head]:
     names = [symbol if counts else name for counts, symbol, name in zip(counters, symbols, names, strict=True)]
     symbols = ["" if counts else symbol for counts, symbol in zip(counters, symbols, strict=True)]
     names = [name or default for name, default in zip(names, numbered, strict=True)]
-    return [(name, *unit_of(symbol, name)) for name, symbol in zip(names, symbols, strict=True)]
+    return [(name, *column_unit(symbol, name)) for name, symbol in zip(names, symbols, strict=True)]
 
 
 def _names(rows: Sequence[Sequence[str]], width: int) -> list[str]:
-    """Return the names in the lowest of several rows, each with what stands above it if names are missing or equal.
+    """Return the names in the lowest of several rows, preceded by the cells above if names are missing or equal.
 
     A cell above several columns, such as the name of a marker above its coordinates, stands above the first of them.
     """
@@ -245,7 +245,7 @@ def _names(rows: Sequence[Sequence[str]], width: int) -> list[str]:
 
 
 def _units_row(rows: list[list[str]]) -> list[str] | None:
-    """Return the row with the units: the one whose cells are most often units; of two other rows, the lower one."""
+    """Return the lowest row in which at least half of the cells are units, or else the lower of two rows of words."""
     for row in reversed(rows):
         filled = [cell for cell in row if cell not in NONE and not COUNTER_NAME.fullmatch(cell)]
         units = [cell for cell in filled if parse_unit(cell) or BRACKETED.fullmatch(cell)]
@@ -257,31 +257,31 @@ def _units_row(rows: list[list[str]]) -> list[str] | None:
 
 
 def _pose_heading(rows: Sequence[Sequence[str]]) -> list[Head]:
-    """Return names and units of the columns below a DeepLabCut header; empty if the rows are none."""
+    """Return names and units of the columns below a DeepLabCut header; empty for another header."""
     if len(rows) < 2 or rows[-1][0].casefold() != "coords":
         return []
-    parts = [row for row in rows if row[0].casefold() in ("individuals", "bodyparts", "coords")]
-    names = ["frame", *(" ".join(cells) for cells in zip(*(row[1:] for row in parts), strict=True))]
+    name_rows = [row for row in rows if row[0].casefold() in ("individuals", "bodyparts", "coords")]
+    names = ["frame", *(" ".join(cells) for cells in zip(*(row[1:] for row in name_rows), strict=True))]
     return [(name, "px", parse_unit("px")) if COORDINATE.fullmatch(name) else (name, "", None) for name in names]
 
 
-def without_unlikely(found: Recording) -> Recording:
-    """Return the columns with gaps where the likelihood of a point is low, and without the likelihoods."""
-    usable = [(LIKELIHOOD.fullmatch(channel.name), channel) for channel in found.channels if not channel.fault]
-    tracks = {match[1].casefold() for channel in found.channels if (match := COORDINATE.fullmatch(channel.name))}
+def mask_unlikely(recording: Recording) -> Recording:
+    """Return the columns without likelihoods, with gaps in place of points with a low likelihood."""
+    usable = [(LIKELIHOOD.fullmatch(channel.name), channel) for channel in recording.channels if not channel.fault]
+    tracks = {match[1].casefold() for channel in recording.channels if (match := COORDINATE.fullmatch(channel.name))}
     likelihoods = {stem: channel for match, channel in usable if match and (stem := match[1].casefold()) in tracks}
     if not likelihoods:
-        return found
+        return recording
     masked: list[RecordedChannel] = []
     points = 0
-    for channel in found.channels:
+    for channel in recording.channels:
         match = COORDINATE.fullmatch(channel.name)
         likelihood = likelihoods.get(match[1].casefold()) if match else None
         if likelihood and not channel.fault:
-            doubtful = ~(likelihood.values >= LEAST_LIKELIHOOD)
+            doubtful = ~(likelihood.values >= MIN_LIKELIHOOD)
             points += int(np.sum(doubtful & ~np.isnan(channel.values)))
             channel = replace(channel, values=np.where(doubtful, np.nan, channel.values))
         if channel not in likelihoods.values():
             masked.append(channel)
-    note = f"{points} coordinates with a likelihood below {LEAST_LIKELIHOOD:g} are gaps"
-    return replace(found, channels=tuple(masked), notes=(*found.notes, note))
+    note = f"{points} coordinates with a likelihood below {MIN_LIKELIHOOD:g} are gaps"
+    return replace(recording, channels=tuple(masked), notes=(*recording.notes, note))

@@ -1,9 +1,9 @@
 r"""Reading of tables in plain text: comma, semicolon, tab or spaces, with or without names, units and metadata.
 
 The file is read in blocks of complete lines, which end in ``\n``, whatever the file uses.  UTF-16 is converted to
-UTF-8; UTF-8 and Latin-1 stay bytes, because the numbers are the same in both.  The first lines tell how the table is
-written (``dialect``, ``header``).  NumPy then reads blocks of plain numbers.  A block with quoted cells, words, times,
-comments or a fault is split in Python, so that a fault is named by its line.
+UTF-8; UTF-8 and Latin-1 stay bytes, because the numbers are the same in both.  The layout of the table follows from the
+first lines (``dialect``, ``header``).  NumPy then reads blocks of plain numbers.  A block with quoted cells, words,
+times, comments or a fault is split in Python, so that an error can name the line.
 """
 
 from __future__ import annotations
@@ -32,13 +32,13 @@ from ancf_casadi.records.reading.text.cells import (
     over_midnight,
 )
 from ancf_casadi.records.reading.text.dialect import TableHead, find_table
-from ancf_casadi.records.reading.text.header import Head, below_names, read_heading, sampling_step, without_unlikely
+from ancf_casadi.records.reading.text.header import Head, blank_above_names, mask_unlikely, read_heading, sampling_step
 from ancf_casadi.records.units import parse_unit
 from ancf_casadi.support.arrays import Array, ComplexArray, Index
 from ancf_casadi.support.tables import counted, printable
 
 BLOCK_BYTES = 4 * 2**20  # bytes
-MOST_LINE_BYTES = 2**20  # bytes
+MAX_LINE_BYTES = 2**20  # bytes
 MARKS = (
     (codecs.BOM_UTF8, "utf-8"), (codecs.BOM_UTF32_LE, "utf-32-le"), (codecs.BOM_UTF32_BE, "utf-32-be"),
     (codecs.BOM_UTF16_LE, "utf-16-le"), (codecs.BOM_UTF16_BE, "utf-16-be"),
@@ -49,7 +49,7 @@ NUMBER_BYTES = {".": DIGIT_BYTES + b".", ",": DIGIT_BYTES + b","}
 
 
 def text_blocks(file: BinaryIO, path: Path, *, progress: bool = False) -> Iterator[bytes]:
-    """Yield blocks of complete lines; refuse what is no text, and lines of more than 1 MiB."""
+    """Yield blocks of complete lines of text; a line has at most 1 MiB."""
     with tqdm(
         total=path.stat().st_size, disable=None if progress else True, delay=1.0, leave=False,
         unit="B", unit_scale=True, desc=printable(path.name),
@@ -57,23 +57,23 @@ def text_blocks(file: BinaryIO, path: Path, *, progress: bool = False) -> Iterat
         encoding, mark = _encoding(file.read(4096))
         file.seek(mark)
         decoder = None if encoding == "utf-8" else codecs.getincrementaldecoder(encoding)(errors="replace")
-        rest = b""
-        while read := file.read(BLOCK_BYTES):
-            bar.update(len(read))
-            block = rest + (decoder.decode(read).encode(errors="replace") if decoder else read)
+        incomplete_line = b""
+        while content := file.read(BLOCK_BYTES):
+            bar.update(len(content))
+            block = incomplete_line + (decoder.decode(content).encode(errors="replace") if decoder else content)
             if b"\0" in block:
                 raise InputError("is not text, and no other format that is known", str(path))
             end = 1 + max(block.rfind(b"\n"), block.rfind(b"\r", 0, -1))  # a final \r may belong to \r\n
-            rest = block[end:]
-            if len(rest) > MOST_LINE_BYTES:
-                raise InputError(f"has a line of more than {MOST_LINE_BYTES >> 20} MiB, and is no table", str(path))
+            incomplete_line = block[end:]
+            if len(incomplete_line) > MAX_LINE_BYTES:
+                raise InputError(f"has a line of more than {MAX_LINE_BYTES >> 20} MiB, and is no table", str(path))
             if end:
                 yield _plain_ends(block[:end])
-        if rest:
-            yield _plain_ends(rest)
+        if incomplete_line:
+            yield _plain_ends(incomplete_line)
 
 
-def decoded(block: bytes) -> str:
+def decode_text(block: bytes) -> str:
     """Return a block as text: UTF-8, or Latin-1 if it is not UTF-8."""
     try:
         return block.decode()
@@ -88,7 +88,7 @@ def _encoding(start: bytes) -> tuple[str, int]:
             return encoding, len(mark)
     half = len(start) // 2
     for first, encoding in ((1, "utf-16-le"), (0, "utf-16-be")):
-        # share of zero bytes in every other place that tells UTF-16 without a byte-order mark
+        # more than 80 % zeros among every other byte mean UTF-16 without a byte-order mark
         if half > 3 and start[first::2].count(0) > 0.8 * half and not start[1 - first :: 2].count(0):
             return encoding, 0
     return "utf-8", 0
@@ -99,11 +99,11 @@ def _plain_ends(block: bytes) -> bytes:
 
 
 def read_text(file: BinaryIO, path: Path, layout: TableLayout = NO_LAYOUT, *, progress: bool = False) -> Recording:
-    """Read a table in plain text; refuse a row with too few or too many cells by its line."""
+    """Read a table in plain text; an error names the line of a row with too few or too many cells."""
     blocks = _without_rows(text_blocks(file, path, progress=progress), layout.skip_rows)
     first = next(blocks, b"")
-    lines, numbers = _head(first)
-    table = find_table(below_names(lines, numbers, layout.names_row), numbers, str(path))
+    lines, numbers = _first_lines(first)
+    table = find_table(blank_above_names(lines, numbers, layout.names_row), numbers, str(path))
     above = list(zip(numbers[: table.first], lines[: table.first], strict=True))
     heading, step = read_heading(above, table, str(path), layout.names_row), sampling_step([line for _, line in above])
     skipped = numbers[table.first] - 1
@@ -114,11 +114,11 @@ def read_text(file: BinaryIO, path: Path, layout: TableLayout = NO_LAYOUT, *, pr
         reader.read(block, line)
         line, block = line + block.count(b"\n"), following
     reader.read(reader.without_text(block, line), line)
-    return without_unlikely(reader.contents(heading, step))
+    return mask_unlikely(reader.contents(heading, step))
 
 
 def _without_rows(blocks: Iterator[bytes], skipped: Sequence[int]) -> Iterator[bytes]:
-    """Yield blocks with nothing but their ends in the lines to leave out."""
+    """Yield blocks in which the lines to leave out are empty."""
     first = 1
     for block in blocks:
         count = block.count(b"\n")
@@ -132,13 +132,13 @@ def _without_rows(blocks: Iterator[bytes], skipped: Sequence[int]) -> Iterator[b
         yield block
 
 
-def _head(block: bytes) -> tuple[list[str], list[int]]:
+def _first_lines(block: bytes) -> tuple[list[str], list[int]]:
     """Return the first lines as text, with their numbers; a line break within quotes does not end a line."""
-    start = block[:200_000]  # looked at to recognise the table
+    start = block[:200_000]  # bytes, enough to recognise the table
     if len(start) < len(block):
         end = max(start.rfind(b"\n"), len(b"\n".join(block.split(b"\n", 4)[:4])))  # four lines at least
         start = block[:end]
-    physical = decoded(start).split("\n")[:1000]
+    physical = decode_text(start).split("\n")[:1000]
     lines: list[str] = []
     numbers: list[int] = []
     k = 0
@@ -174,18 +174,18 @@ class _Reader:
             self.lines.append(np.arange(line, line + len(values), dtype=np.int32))
 
     def without_text(self, block: bytes, line: int) -> bytes:
-        """Return the last block without the words at its end, such as ``END``: lines that have no number."""
-        lines = decoded(block).rstrip().split("\n")
-        kept = len(lines)
-        while kept and (not lines[kept - 1].strip() or _is_text(lines[kept - 1], self.table.dialect)):
-            kept -= 1
-        first = next((k for k in range(kept, len(lines)) if lines[k].strip()), None)
+        """Return the last block without the lines of words at its end, such as ``END``."""
+        lines = decode_text(block).rstrip().split("\n")
+        count = len(lines)
+        while count and (not lines[count - 1].strip() or _is_text(lines[count - 1], self.table.dialect)):
+            count -= 1
+        first = next((k for k in range(count, len(lines)) if lines[k].strip()), None)
         if first is None:
             return block
         self.notes.append(
             f"line {line + first}, {lines[first].strip()[:40]!r}, and what follows are no numbers: left out"
         )
-        return block[: sum(len(one) + 1 for one in block.split(b"\n")[:kept])]
+        return block[: sum(len(text_line) + 1 for text_line in block.split(b"\n")[:count])]
 
     def _plain(self, block: bytes) -> Array | None:
         """Return the numbers (rows, width) of a block; None unless all cells are numbers or empty."""
@@ -197,7 +197,7 @@ class _Reader:
         if decimal == ",":
             block = block.replace(b",", b".")
         if delimiter != " ":
-            block = _filled(block, delimiter.encode())
+            block = _fill_gaps(block, delimiter.encode())
         text = block.decode("ascii").rstrip("\n")
         if not text.strip() or "\n\n" in text or text[0] == "\n":
             return None
@@ -211,7 +211,7 @@ class _Reader:
         return values if usable and len(values) == text.count("\n") + 1 else None
 
     def _cells(self, block: bytes, line: int) -> None:
-        text = decoded(block)
+        text = decode_text(block)
         columns = _columns(text, self.table.dialect, self.table.width)
         if columns is not None:
             self._add(columns, range(line, line + len(columns[0])))
@@ -249,8 +249,8 @@ class _Reader:
         if np.isnan(values).any():
             self.overrange[k] = self.overrange.get(k, 0) + sum(cell.strip().casefold() in OVERRANGE for cell in cells)
         if fault is not None:
-            what = "a time" if kind == "stamp" else "a finite number"
-            self.faults.setdefault(k, f"line {lines[fault]}: {cells[fault].strip()[:40]!r} is not {what}")
+            expected = "a time" if kind == "stamp" else "a finite number"
+            self.faults.setdefault(k, f"line {lines[fault]}: {cells[fault].strip()[:40]!r} is not {expected}")
         return values
 
     def _complex(self, k: int, cells: Sequence[str], lines: Sequence[int]) -> ComplexArray:
@@ -260,7 +260,7 @@ class _Reader:
         return values
 
     def _stamps(self, k: int, cells: Sequence[str]) -> tuple[Array, int | None]:
-        """Return the times in cells, s, and the index of a cell that has none; all are nan if there is one."""
+        """Return the times in cells, s, and None; or nan, and the index of a cell without a time."""
         clock = clock_seconds(cells)
         if clock is not None:
             return clock, None
@@ -307,9 +307,9 @@ def _is_text(line: str, dialect: Dialect) -> bool:
     return not numbers and any(cell.casefold() not in GAPS for cell in cells) and not is_comment(line)
 
 
-def _filled(block: bytes, delimiter: bytes) -> bytes:
+def _fill_gaps(block: bytes, delimiter: bytes) -> bytes:
     """Return a block with nan in each empty cell."""
-    for pair in (delimiter * 2, delimiter * 2, delimiter + b"\n", b"\n" + delimiter):  # every other one, then the rest
+    for pair in (delimiter * 2, delimiter * 2, delimiter + b"\n", b"\n" + delimiter):  # twice: pairs can overlap
         if pair in block:
             block = block.replace(pair, pair[:1] + b"nan" + pair[1:])
     if block.startswith(delimiter):
@@ -318,7 +318,7 @@ def _filled(block: bytes, delimiter: bytes) -> bytes:
 
 
 def _columns(text: str, dialect: Dialect, width: int) -> list[list[str]] | None:
-    """Return the cells of each column of plain rows, much faster than row by row; None if any row is not plain."""
+    """Return the cells of each column, much faster than row by row; None if a row has quotes, gaps or comments."""
     if '"' in text or dialect.delimiter == " ":
         return None
     lines = text.removesuffix("\n").split("\n")

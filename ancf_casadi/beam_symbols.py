@@ -5,7 +5,7 @@
     roller      a triangle on two wheels          torsional spring    a spiral
     guide       a wall on two wheels              dashpot             a piston in its cylinder
 
-The ground lies below the beam as it is drawn, and for a roller or a guide along its direction of sliding.
+The ground lies below the drawn beam; for a roller or a guide, it is parallel to the direction of sliding.
 """
 
 from __future__ import annotations
@@ -33,24 +33,24 @@ Symbol = tuple[Support | Attachment, Line2D, MarkerStyle]
 HATCH: list[Stroke] = [[(x, 0.0), (x - 0.35, -0.45)] for x in (-0.7, -0.15, 0.4, 0.95)]
 
 
-def draw_set_up(axes: Axes, model: Model, coordinates: Array) -> list[Symbol]:
+def draw_symbols(axes: Axes, model: Model, coordinates: Array) -> list[Symbol]:
     """Draw supports and attachments of a beam with the given coordinates, in axes of mm, and return the symbols."""
-    parts: list[Support | Attachment] = [*model.beam.supports, *model.beam.attachments]
+    items: list[Support | Attachment] = [*model.beam.supports, *model.beam.attachments]
     symbols = []
-    for one in parts:
-        x, y = 1e3 * (model.interpolation(one.point) @ coordinates)
-        slope = model.slope_interpolation(one.point) @ coordinates
-        path, direction, size = _symbol(one, math.atan2(slope[1], slope[0]))
+    for item in items:
+        x, y = 1e3 * (model.interpolation(item.point) @ coordinates)
+        slope = model.slope_interpolation(item.point) @ coordinates
+        path, direction, size = _symbol(item, math.atan2(slope[1], slope[0]))
         style = MarkerStyle(path, transform=Affine2D().rotate(direction))
-        full = MEASURED if isinstance(one, PointMass) else "none"
-        (line,) = axes.plot(x, y, marker=style, ms=size, mec=MEASURED, mfc=full, mew=1.0, ls="none", zorder=3,
+        fill = MEASURED if isinstance(item, PointMass) else "none"
+        (line,) = axes.plot(x, y, marker=style, ms=size, mec=MEASURED, mfc=fill, mew=1.0, ls="none", zorder=3,
                             label="_nolegend_")  # fmt: skip
-        symbols.append((one, line, style))
+        symbols.append((item, line, style))
     return symbols
 
 
 def draw_gravity(axes: Axes, model: Model, corner: tuple[float, float]) -> None:
-    """Draw an arrow in the direction of gravity, if there is any, at a place from (0, 0) to (1, 1) in the axes."""
+    """Draw an arrow in the direction of gravity, if there is any, at a place in the axes from (0, 0) to (1, 1)."""
     x, y = model.beam.gravity
     if x or y:
         style = MarkerStyle(_path(ARROW), transform=Affine2D().rotate(math.atan2(y, x)))
@@ -65,37 +65,39 @@ def draw_loads(axes: Axes, model: Model, coordinates: Array, loads: Sequence[Loa
         points = [load.place(beam)] if isinstance(load, PointLoad) else np.linspace(*load.places(beam), 7).tolist()
         for point in points if force.any() else ():
             x, y = model.slope_interpolation(point) @ coordinates
-            own = np.array([[x, -y], [y, x]]) @ force if load.follower else force
-            dx, dy = (-22.0 * own / np.linalg.norm(own)).tolist()  # points of the page
-            end, away = tuple(1e3 * (model.interpolation(point) @ coordinates)), (dx, dy)
-            axes.annotate("", end, away, textcoords="offset points", arrowprops={"arrowstyle": "->", "color": MEASURED})
+            direction = np.array([[x, -y], [y, x]]) @ force if load.follower else force
+            dx, dy = (-22.0 * direction / np.linalg.norm(direction)).tolist()  # points of the page
+            end, offset = tuple(1e3 * (model.interpolation(point) @ coordinates)), (dx, dy)
+            axes.annotate(
+                "", end, offset, textcoords="offset points", arrowprops={"arrowstyle": "->", "color": MEASURED}
+            )
 
 
-def _symbol(one: Support | Attachment, angle: float) -> tuple[Path, float, float]:
+def _symbol(item: Support | Attachment, angle: float) -> tuple[Path, float, float]:
     """Return the path of a symbol, its rotation for a beam at an angle (rad), and its size in points."""
-    if isinstance(one, PointMass):
+    if isinstance(item, PointMass):
         return Path.unit_circle(), 0.0, 7.0
-    if isinstance(one, RotationalSpring):
-        turns = np.linspace(0.0, 4 * math.pi, 60)
-        radius = 0.15 + 0.85 * turns / turns[-1]
-        return Path(np.column_stack([radius * np.cos(turns), radius * np.sin(turns)])), angle, 12.0
-    if isinstance(one, Spring | Dashpot):
-        pair = one.stiffness if isinstance(one, Spring) else one.coefficient
-        strokes = ZIGZAG if isinstance(one, Spring) else PISTON
+    if isinstance(item, RotationalSpring):
+        angles = np.linspace(0.0, 4 * math.pi, 60)
+        radius = 0.15 + 0.85 * angles / angles[-1]
+        return Path(np.column_stack([radius * np.cos(angles), radius * np.sin(angles)])), angle, 12.0
+    if isinstance(item, Spring | Dashpot):
+        pair = item.stiffness if isinstance(item, Spring) else item.coefficient
+        strokes = ZIGZAG if isinstance(item, Spring) else PISTON
         return _path(strokes), 0.0 if pair[1] >= pair[0] else math.pi / 2, 26.0
-    assert isinstance(one, Support)
-    if isinstance(one, Clamp):
-        across = math.pi / 2 if one.point else -math.pi / 2  # the hatching points away from the beam
-        return _path([[(-1.0, 0.0), (1.0, 0.0)], *HATCH]), angle + across, 16.0
-    if one.sliding is None:
+    assert isinstance(item, Support)
+    if isinstance(item, Clamp):
+        ground = math.pi / 2 if item.point else -math.pi / 2  # the hatching points away from the beam
+        return _path([[(-1.0, 0.0), (1.0, 0.0)], *HATCH]), angle + ground, 16.0
+    if item.sliding is None:
         return _path([*TRIANGLE, *([(x, y - 1.0) for x, y in stroke] for stroke in HATCH)]), _ground(angle), 18.0
-    along = math.atan2(one.sliding[1], one.sliding[0])
-    body = TRIANGLE if one.turns else [[(-0.8, 0.0), (0.8, 0.0), (0.8, -1.0), (-0.8, -1.0), (-0.8, 0.0)]]
-    return _path([*body, *WHEELS, [(-1.0, -1.5), (1.0, -1.5)]]), _ground(along), 22.0
+    sliding = math.atan2(item.sliding[1], item.sliding[0])
+    body = TRIANGLE if item.turns else [[(-0.8, 0.0), (0.8, 0.0), (0.8, -1.0), (-0.8, -1.0), (-0.8, 0.0)]]
+    return _path([*body, *WHEELS, [(-1.0, -1.5), (1.0, -1.5)]]), _ground(sliding), 22.0
 
 
 def _ground(angle: float) -> float:
-    """Return the rotation of ground along a direction, below it rather than above."""
+    """Return the rotation of ground along a direction, such that the ground is below."""
     return angle if math.cos(angle) >= -1e-9 else angle + math.pi
 
 

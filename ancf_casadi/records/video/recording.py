@@ -1,4 +1,4 @@
-"""``track_video``: a video becomes a recording of the positions of marks."""
+"""``track_video``: a recording of the positions of marks in a video."""
 
 from __future__ import annotations
 
@@ -13,17 +13,17 @@ from numpy.typing import ArrayLike
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.records.channel import RecordedChannel, Recording
 from ancf_casadi.records.units import parse_unit
-from ancf_casadi.records.video.detection import marks_in
-from ancf_casadi.records.video.frames import Picture, Video, decoded
+from ancf_casadi.records.video.detection import find_marks
+from ancf_casadi.records.video.frames import Picture, Video, open_video
 from ancf_casadi.records.video.marks import Mark
-from ancf_casadi.records.video.tracking import tracked
+from ancf_casadi.records.video.tracking import track_marks
 from ancf_casadi.records.video.view import View
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.files import check_file, write_file
 from ancf_casadi.support.inputs import (
     array,
+    error_prefix,
     flag,
-    located,
     not_negative,
     numbers,
     physical,
@@ -34,10 +34,10 @@ from ancf_casadi.support.optional import library
 from ancf_casadi.support.progress import counter
 
 SMOOTHING = 1.0  # px; edges that are sharper than a pixel are interpolated with errors that follow the motion
-FEWEST_PICTURES = 10
-LOST_SHARE = 0.1  # of the frames, at the end without any marker, from which the video is said to be cut
+MIN_PICTURES = 10
+LOST_SHARE = 0.1  # of the frames; with so many at the end without any marker, the tracks are refused
 STILL = 10.0  # range of a track, relative to its std, below which it is still
-EVEN = 6e-4  # s, by which times in a file are rounded
+EVEN = 6e-4  # rounding of the times in a file, s
 
 
 def track_video(
@@ -58,21 +58,21 @@ def track_video(
 ) -> Recording:
     """Track marks on a beam through a video.
 
-    Places in the picture are columns and rows, px, from the centre of the first pixel.  A mark is what is seen within a
-    radius of its place: a dot, a checker patch, or any texture.  Where it is covered, in part or whole, is outside the
-    picture, or cannot be told from another mark, there is a gap (nan).
+    Places in the picture are columns and rows, px, from the centre of the first pixel.  A mark is the texture within a
+    radius of its place, such as a dot or a checker patch.  Frames in which it is partly or fully covered, outside the
+    picture, or confused with another mark are gaps (nan).
 
     Parameters
     ----------
     path : str or Path
         The video.
     markers : array_like (m, 2), optional
-        Columns and rows of the markers in the first frame that is tracked, px; if not given, they are found: dots, or
-        else corners, numbered by their distance from the clamp, or from the middle of the upper edge.
+        Columns and rows of the markers in the first tracked frame, px; if not given, dots are detected, or else
+        corners, numbered by their distance from the clamp, or from the middle of the upper edge.
     region : sequence of 4 numbers, optional
-        Left, top, right and bottom of the part of the picture in which markers are sought, px.
+        Left, top, right and bottom of the area of the picture in which markers are detected, px.
     radius : int, optional
-        Radius of what belongs to a marker, px; by default that of its dot and 3 px more, or 10 px.
+        Radius of a marker, px; by default that of its dot and 3 px more, or 10 px.
     ruler : sequence of 5 numbers, optional
         Columns and rows of two points, px, and their distance, m, in the plane of the motion.  Without it, positions
         are in px.
@@ -86,7 +86,7 @@ def track_video(
     sample_rate : float, optional
         Frames per second of the recording; by default that of the file, which is wrong for slow motion.
     begin, end : float
-        Part of the video that is tracked, s.
+        Interval of the video that is tracked, s.
     preview : str or Path, optional
         Picture of the first frame with the numbers of the markers, ``.png``.
     progress : bool
@@ -127,43 +127,43 @@ def track_video(
     area = None if region is None else numbers(region, "region")
     if area is not None and (len(area) != 4 or area[0] >= area[2] or area[1] >= area[3]):
         raise InputError("must be left, top, right and bottom", "region")
-    view = View.given(ruler=ruler, clamp=clamp, vertical=vertical, lens=lens)
+    view = View.of(ruler=ruler, clamp=clamp, vertical=vertical, lens=lens)
     size = None if radius is None else whole(radius, "radius", 3, 200)
     rate = None if sample_rate is None else physical(sample_rate, "sample_rate")
-    part = not_negative(begin, "begin"), positive_or_infinite(end, "end")
+    interval = not_negative(begin, "begin"), positive_or_infinite(end, "end")
     picture = None if preview is None else check_file(preview)
     flag(progress, "progress")
     times: list[float] = []
-    with decoded(path) as video, located(str(path)), counter("track", shown=progress):
-        grey = (one.astype(np.float32) for one in _pictures(video, rate, part, times))
-        pictures = (cv2.GaussianBlur(one, (0, 0), SMOOTHING) for one in grey)
+    with open_video(path) as video, error_prefix(str(path)), counter("track", shown=progress):
+        grey = (frame.astype(np.float32) for frame in _pictures(video, rate, interval, times))
+        pictures = (cv2.GaussianBlur(frame, (0, 0), SMOOTHING) for frame in grey)
         try:
             first = next(pictures, None)
             if first is None:
                 raise InputError(f"ends before {begin:g} s")
-            marks = marks_in(cv2, first, places, area, size, view.clamp)
+            marks = find_marks(cv2, first, places, area, size, view.clamp)
             if picture is not None:
                 write_file(picture, _preview(cv2, first, marks))
-            points, std = tracked(cv2, marks, first, pictures)
+            points, std = track_marks(cv2, marks, first, pictures)
             positions, scale = view.positions(cv2, points)
         except cv2.error as error:
             raise InputError(f"cannot be tracked ({' '.join(str(error).split())[:80]})") from None
-        notes = _checked(np.array(times), points, std)
-        time, taken = _time(np.array(times), rate or video.frame_rate)
+        notes = _check_tracks(np.array(times), points, std)
+        time, time_note = _time(np.array(times), rate or video.frame_rate)
     channels = []
     columns = np.concatenate([positions, scale * std[..., None]], axis=2).reshape(len(time), -1).T
     for k, values in enumerate(columns):
         name = f"{('x', 'y', 'std')[k % 3]}{k // 3 + 1}_{view.unit}"
         channels.append(RecordedChannel(k + 1, name, values, view.unit, parse_unit(view.unit), time))
     stated = (
-        () if rate else (f"{taken}; if it plays in slow motion, give the rate of the recording with --sample-rate",)
+        () if rate else (f"{time_note}; if it plays in slow motion, give the rate of the recording with --sample-rate",)
     )
     return Recording(str(path), tuple(channels), stated + notes)
 
 
-def _pictures(video: Video, rate: float | None, part: tuple[float, float], times: list[float]) -> Iterator[Picture]:
-    """Yield the pictures of a part of a video, and note their times."""
-    begin, end = part
+def _pictures(video: Video, rate: float | None, interval: tuple[float, float], times: list[float]) -> Iterator[Picture]:
+    """Yield the pictures of an interval of a video, and append their times to ``times``."""
+    begin, end = interval
     if not rate and not video.frame_rate > 0.0:
         raise InputError("states no frame rate; give --sample-rate")
     slower = video.frame_rate / rate if rate and video.frame_rate > 0.0 else 1.0
@@ -178,27 +178,27 @@ def _pictures(video: Video, rate: float | None, part: tuple[float, float], times
         if time >= begin:
             times.append(time)
             yield picture
-    # some files count a frame or two that they do not have
+    # some files state a frame or two more than they hold
     if count < 0.98 * video.count:
         last = f"{times[-1]:.6g}" if times else "0"
         raise InputError(f"breaks off after {count} of {video.count} frames; give --end {last} to use these")
 
 
 def _time(stamps: Array, rate: float) -> tuple[Array, str]:
-    """Return even times if those of the file are even, and a note."""
+    """Return the times of the frames, evenly spaced if those of the file are, and a note."""
     even = stamps[0] + np.arange(len(stamps)) / rate
     if np.abs(stamps - even).max() < max(EVEN, 0.02 / rate):
         return even, f"times from the frame rate of the file, {rate:g} 1/s"
     return stamps, "times of the frames from the file, which are not even"
 
 
-def _checked(times: Array, points: Array, std: Array) -> tuple[str, ...]:
-    """Return notes on gaps; refuse tracks that end before the video, or do not move."""
-    seen = np.isfinite(points[..., 0])
+def _check_tracks(times: Array, points: Array, std: Array) -> tuple[str, ...]:
+    """Check that tracks last to the end of the video and move; return notes on gaps."""
+    visible = np.isfinite(points[..., 0])
     count = len(points)
-    if count < FEWEST_PICTURES:
-        raise InputError(f"has {count} frames; needs at least {FEWEST_PICTURES}")
-    last = int(np.flatnonzero(seen.any(axis=1))[-1])
+    if count < MIN_PICTURES:
+        raise InputError(f"has {count} frames; needs at least {MIN_PICTURES}")
+    last = int(np.flatnonzero(visible.any(axis=1))[-1])
     if count - 1 - last >= LOST_SHARE * count:
         raise InputError(
             f"no marker is seen after {times[last]:.4g} s, as behind a cut or if all are covered for long; "
@@ -207,17 +207,17 @@ def _checked(times: Array, points: Array, std: Array) -> tuple[str, ...]:
     travel = np.nanmax(points, axis=0) - np.nanmin(points, axis=0)
     if (travel.max(axis=1) <= STILL * np.nanmedian(std, axis=0)).all():
         raise InputError(f"nothing moves: no marker by more than {travel.max():.2g} px")
-    gaps = count - seen.sum(axis=0)
+    gaps = count - visible.sum(axis=0)
     return tuple(f"marker {k} is not seen in {n} of {count} frames" for k, n in enumerate(gaps, start=1) if n)
 
 
 def _preview(cv2: Any, picture: Picture, marks: Sequence[Mark]) -> bytes:
     """Return a picture with the numbers of the marks, as PNG."""
-    drawn = cv2.cvtColor(cv2.convertScaleAbs(picture), cv2.COLOR_GRAY2BGR)
+    image = cv2.cvtColor(cv2.convertScaleAbs(picture), cv2.COLOR_GRAY2BGR)
     for number, mark in enumerate(marks, start=1):
         x, y = np.rint(mark.place + mark.offset).astype(int).tolist()
         corner = (x + mark.radius + 3, y + 5)
-        cv2.circle(drawn, (x, y), mark.radius, (0, 160, 255), 1, cv2.LINE_AA)
+        cv2.circle(image, (x, y), mark.radius, (0, 160, 255), 1, cv2.LINE_AA)
         for colour, width in (((0, 0, 0), 4), ((0, 200, 255), 1)):
-            cv2.putText(drawn, str(number), corner, cv2.FONT_HERSHEY_SIMPLEX, 0.6, colour, width, cv2.LINE_AA)
-    return bytes(cv2.imencode(".png", drawn)[1])
+            cv2.putText(image, str(number), corner, cv2.FONT_HERSHEY_SIMPLEX, 0.6, colour, width, cv2.LINE_AA)
+    return bytes(cv2.imencode(".png", image)[1])

@@ -66,13 +66,17 @@ def main(arguments: Sequence[str] | None = None) -> int:
             code = _run(arguments)
         finally:
             sys.stdout.flush()
-        return code if open_output or code else _failed("the result cannot be printed (standard output is closed)", 2)
+        return (
+            code
+            if open_output or code
+            else _print_failure("the result cannot be printed (standard output is closed)", 2)
+        )
     except BrokenPipeError:  # the reader of our output has left
         _discard_output()
         return 0
     except OSError as error:
         _discard_output()
-        return _failed(f"the result cannot be printed ({error.strerror or error})", 2)
+        return _print_failure(f"the result cannot be printed ({error.strerror or error})", 2)
 
 
 def _open_streams() -> bool:
@@ -109,7 +113,7 @@ class _Parser(argparse.ArgumentParser):
     def add_options(self) -> None:
         """Add the options of a subcommand, once."""
         if (title := self.get_default("title")) and not self.get_default("run"):
-            add_options, run = functions_of(title)
+            add_options, run = command_functions(title)
             add_options(self)
             words = [
                 f"{action.metavar}{' ...' * (action.nargs in ('+', '*'))}"
@@ -125,7 +129,7 @@ class _Parser(argparse.ArgumentParser):
         return super().parse_known_args(args, namespace)
 
 
-def functions_of(command: str) -> tuple[Callable[[argparse.ArgumentParser], None], Callable[..., Output]]:
+def command_functions(command: str) -> tuple[Callable[[argparse.ArgumentParser], None], Callable[..., Output]]:
     """Return the functions that add the options of a subcommand, and that run it."""
     name = command.replace("-", "_")
     module = import_module(f"problems.command.{SHARING.get(command, name)}")
@@ -164,7 +168,7 @@ def _parser() -> _Parser:
     return parser
 
 
-def _parsed(arguments: Sequence[str] | None) -> argparse.Namespace:
+def _parse(arguments: Sequence[str] | None) -> argparse.Namespace:
     options: argparse.Namespace
     parser, words = _parser(), sys.argv[1:] if arguments is None else arguments
     if words and words[0] in REPLACED:
@@ -180,7 +184,7 @@ def _run(arguments: Sequence[str] | None) -> int:
     with raised_endings() as noted, warnings.catch_warnings():
         warnings.showwarning = _show_warning
         try:
-            options = _parsed(arguments)
+            options = _parse(arguments)
             written = options.unfinished
             from ancf_casadi.support.progress import counter  # slow to import, for a help text
             from ancf_casadi.support.tables import to_json, wrap_report
@@ -192,14 +196,14 @@ def _run(arguments: Sequence[str] | None) -> int:
                 written = "not all files were written"
             failures = _write(output.files)
         except KeyboardInterrupt:
-            return _stopped(noted, written)
+            return _report_stop(noted, written)
         except Exception as error:
-            return _stopped(noted, written) if noted else _reported(error)
+            return _report_stop(noted, written) if noted else _report_failure(error)
     if not options.json:
         text = _printable(wrap_report(text if failures else text + output.closing))
     if text:
         print(text, flush=True)
-    return max([_reported(failure) for failure in failures], default=0)
+    return max([_report_failure(failure) for failure in failures], default=0)
 
 
 def _write(files: Sequence[Callable[[], object]]) -> list[Exception]:
@@ -218,24 +222,24 @@ def _show_warning(message: Warning | str, *where: Any, **more: Any) -> None:
     print(_printable(f"ancf-casadi: warning: {message}"), file=sys.stderr)
 
 
-def _reported(error: Exception) -> int:
+def _report_failure(error: Exception) -> int:
     """Report a failure in one line, and return the exit code."""
     if isinstance(error, AncfError):
-        return _failed(error, 2 if isinstance(error, InputError) else 1)
+        return _print_failure(error, 2 if isinstance(error, InputError) else 1)
     if isinstance(error, MemoryError):
-        return _failed("out of memory; use fewer samples or fewer elements", 1)
+        return _print_failure("out of memory; use fewer samples or fewer elements", 1)
     if isinstance(error, OSError):
         place = f"{error.filename}: " if error.filename else ""
-        return _failed(f"{place}cannot be used ({error.strerror or error})", 2)
+        return _print_failure(f"{place}cannot be used ({error.strerror or error})", 2)
     raise error
 
 
-def _stopped(noted: Sequence[int], written: str) -> int:
+def _report_stop(noted: Sequence[int], written: str) -> int:
     # plus the number of the signal: the exit code that shells give
-    return _failed(f"stopped; {written}", 128 + (noted[0] if noted else signal.SIGINT))
+    return _print_failure(f"stopped; {written}", 128 + (noted[0] if noted else signal.SIGINT))
 
 
-def _failed(reason: object, code: int) -> int:
+def _print_failure(reason: object, code: int) -> int:
     print(_printable(f"ancf-casadi: {' '.join(str(reason).split())}"), file=sys.stderr)
     return code
 

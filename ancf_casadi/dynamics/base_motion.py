@@ -167,7 +167,7 @@ class _Oscillation(BaseMotion):
         def oscillation(t: cs.MX, amplitude: cs.MX) -> cs.MX:
             return amplitude * cs.sin(phase(t)) * cs.DM([*self.direction, 0.0])
 
-        return _held(ramped(Piece(self.stop_time, oscillation), phase, self.ramp, self._instant(self.ramp)))
+        return _held(ramp_up(Piece(self.stop_time, oscillation), phase, self.ramp, self._instant(self.ramp)))
 
     def _instant(self, cycles: float) -> float:
         """Return the time at which the oscillation has made a number of cycles, s, or has the frequency 0."""
@@ -369,7 +369,7 @@ def pieces_between(pieces: Iterable[Piece], begin: float, end: float) -> list[tu
     return between
 
 
-def ramped(steady: Piece, phase: Callable[[cs.MX], cs.MX], ramp: float, end: float) -> tuple[Piece, ...]:
+def ramp_up(steady: Piece, phase: Callable[[cs.MX], cs.MX], ramp: float, end: float) -> tuple[Piece, ...]:
     """Return an oscillation whose amplitude grows over ``ramp`` cycles of a phase (t, s) -> rad, until ``end`` (s)."""
 
     def growing(t: cs.MX, parameters: cs.MX) -> cs.MX:

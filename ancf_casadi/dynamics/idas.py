@@ -200,7 +200,7 @@ def integrate_by_idas(
         grid = np.linspace(0.0, 1.0, points + 1)[1:]
         bound = {} if largest_step == math.inf else {"max_step_size": largest_step / length}
         try:
-            with _printed():
+            with _capture_output():
                 return cs.integrator("integrator", "idas", dae, 0.0, grid, {**bound, **settings})
         except RuntimeError as error:
             raise InputError(_refusal(str(error)), "options") from None
@@ -211,7 +211,7 @@ def integrate_by_idas(
         constant, matrix = linear(0.0, x0, 0.0, p)
         z0 = -scipy.sparse.linalg.splu(matrix.sparse()).solve(constant.full().ravel())
         run = solver(segment.points, segment.length if largest_step < math.inf else 1.0)
-        with _printed() as printed:
+        with _capture_output() as printed:
             try:
                 result = run(x0=x0, z0=z0, p=p)
             except RuntimeError as error:
@@ -230,7 +230,7 @@ def integrate_by_idas(
 
 
 @contextlib.contextmanager
-def _printed() -> Iterator[io.StringIO]:
+def _capture_output() -> Iterator[io.StringIO]:
     """Collect what CasADi prints, and keep it off the terminal."""
     text = io.StringIO()
     with contextlib.redirect_stdout(text), contextlib.redirect_stderr(text):

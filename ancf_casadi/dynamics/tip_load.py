@@ -23,7 +23,7 @@ import numpy as np
 from msgspec import Meta
 from numpy.typing import ArrayLike
 
-from ancf_casadi.dynamics.base_motion import Piece, check_ramp, checked_samples, pieces_between, ramped
+from ancf_casadi.dynamics.base_motion import Piece, check_ramp, checked_samples, pieces_between, ramp_up
 from ancf_casadi.dynamics.placed_load import LOAD_SIZE
 from ancf_casadi.mechanics.beam import Beam
 from ancf_casadi.mechanics.loads import LineLoad, PointLoad
@@ -148,7 +148,7 @@ class HarmonicLoad(TipLoad):
         """Return the growing oscillation, the steady one and, if it ends, the time after it."""
         amplitude, omega = cs.DM([*self.force, self.moment]), 2 * math.pi * self.frequency
         steady = Piece(self.stop, lambda t, parameters: amplitude * cs.sin(omega * t))
-        pieces = ramped(steady, lambda t: omega * t, self.ramp, self.ramp / self.frequency)
+        pieces = ramp_up(steady, lambda t: omega * t, self.ramp, self.ramp / self.frequency)
         return pieces if self.stop == math.inf else (*pieces, _nothing(math.inf))
 
 

@@ -148,7 +148,8 @@ class Motion(Reported):
     def table(self) -> Table:
         """Return the position of the tip at the start and at the end, and its travel relative to the clamp."""
         ends = [("start", self.tip[0]), ("end", self.tip[-1])] if len(self.time) else []
-        rows = [(name, *values.tolist()) for name, values in (*ends, ("travel", self._travel))]
+        # without the rounding errors of a beam that hangs straight
+        rows = [(name, *(values.round(12) + 0.0).tolist()) for name, values in (*ends, ("travel", self._travel))]
         title = f"Motion of the tip, {self._length}; the travel is relative to the clamp"
         notes = (*self._methods, f"{counted(self.steps, 'step')} in {self.wall_seconds:.3g} s")
         return Table("motion", title, ("tip", "x_m", "y_m"), rows, notes)

@@ -22,7 +22,7 @@ import numpy as np
 
 from ancf_casadi.estimation.fit import Fit
 from ancf_casadi.estimation.prediction import PredictedChannel, RecordPrediction
-from ancf_casadi.estimation.solver.gauss_newton import noise_of, residuals_and_jacobian
+from ancf_casadi.estimation.solver.gauss_newton import residuals_and_jacobian, robust_deviation
 from ancf_casadi.estimation.solver.least_squares import residual_function
 from ancf_casadi.estimation.solver.unknown import Coordinates, Unknown
 from ancf_casadi.exceptions import FitError
@@ -97,7 +97,9 @@ class SeriesWeights:
         for group, is_known in zip(self.groups, self.known, strict=True):
             if not is_known:
                 noise, group_series = np.concatenate([series[k] for k in group]), list(group)
-                size = (noise_of(noise) if robust else math.sqrt(float(np.mean(noise**2)))) if noise.size else 0.0
+                size = (
+                    (robust_deviation(noise) if robust else math.sqrt(float(np.mean(noise**2)))) if noise.size else 0.0
+                )
                 deviations[group_series] = np.maximum(size, self.floors[group_series])
         return replace(self, deviations=deviations)
 

@@ -51,7 +51,7 @@ def check_determined(residuals: Callable[..., cs.MX], unknowns: Sequence[Unknown
     for point in (y.guess, np.clip(y.guess + 0.5 * signs * y.scale, y.lower, y.upper)):
         _, jacobian = residuals_and_jacobian(evaluate, point / y.scale)
         logarithmic = np.where(point == 0.0, 1.0, y.relative_slopes(point) / y.scale)
-        combinations = undetermined(logarithmic * jacobian, negligible)
+        combinations = undetermined_combinations(logarithmic * jacobian, negligible)
         if not len(combinations):
             return
     raise FitError("; ".join(_sentence([unknown.report[0] for unknown in unknowns], row) for row in combinations))
@@ -82,17 +82,17 @@ def product(names: Sequence[str], exponents: Array) -> str:
     return " ".join(name if power == "1" else f"{name}^{power}" for name, power in powers)
 
 
-def undetermined(columns: Array, negligible: float) -> Array:
+def undetermined_combinations(columns: Array, negligible: float) -> Array:
     """Return the exponents n (d, n) of the combinations of columns (m, n) with a negligible norm, the largest one 1."""
     if not np.isfinite(columns).all() or not columns.any():
         return np.zeros((0, columns.shape[1]))  # the fit reports this
     _, singular, directions = np.linalg.svd(np.linalg.qr(columns, mode="r"))
     rows = directions[singular < negligible]
-    rows = row_reduced(rows, np.argsort(-np.abs(rows).max(axis=0, initial=0.0), kind="stable").tolist())
+    rows = reduce_rows(rows, np.argsort(-np.abs(rows).max(axis=0, initial=0.0), kind="stable").tolist())
     return np.array([row / row[np.abs(row).argmax()] for row in rows]).reshape(rows.shape)
 
 
-def row_reduced(rows: Array, columns: Iterable[int]) -> Array:
+def reduce_rows(rows: Array, columns: Iterable[int]) -> Array:
     """Return rows with the same span as independent rows, reduced in the order of the columns: each begins with 1."""
     rows, first = rows.copy(), 0
     for column in columns:

@@ -208,13 +208,13 @@ def held_fits(fit: Fit, k: int, level: float) -> tuple[tuple[Array, Fit, float],
     alone = fit.jacobian[:, k] - scaled @ np.linalg.lstsq(scaled, fit.jacobian[:, k])[0]
     room, least_loss = fit.dispersion(alone) * fit.quantile(level) ** 2, loss_value(fit.residuals, fit.huber)
     step = float(np.ptp(fit.intervals(level)[k])) / HELD_STEPS
-    of_others = _rest(fit, k, fit.values, fit.residuals, fit.jacobian, fit.active_bounds)
+    of_others = _fit_without(fit, k, fit.values, fit.residuals, fit.jacobian, fit.active_bounds)
     held = [(fit.values, of_others, 1.0)]
     for sign, bound in ((-1.0, fit.lower[k]), (1.0, fit.upper[k])):
         x, before = fit.values, 0.0
         while before < 1.0 and x[k] != bound:
             at = float(np.clip(x[k] + sign * step, fit.lower[k], fit.upper[k]))
-            new, of_others = _fitted(fit, k, at, x)
+            new, of_others = _fit_held(fit, k, at, x)
             lag = max(2 * (loss_value(of_others.residuals, fit.huber) - least_loss) / room, 0.0)
             if lag < 1.0:
                 held.append((new, of_others, math.sqrt(1 - lag)))
@@ -225,7 +225,7 @@ def held_fits(fit: Fit, k: int, level: float) -> tuple[tuple[Array, Fit, float],
     return tuple(held)
 
 
-def _fitted(fit: Fit, k: int, at: float, start_values: Array) -> tuple[Array, Fit]:
+def _fit_held(fit: Fit, k: int, at: float, start_values: Array) -> tuple[Array, Fit]:
     """Return all unknowns (n,), and the fit of the others with the unknown k held, starting from given ones."""
     start, lower, upper = start_values / fit.scale, fit.lower / fit.scale, fit.upper / fit.scale
     start[k] = at / fit.scale[k]
@@ -234,10 +234,10 @@ def _fitted(fit: Fit, k: int, at: float, start_values: Array) -> tuple[Array, Fi
     z, values = minimum.z, minimum.z * fit.scale
     values[k] = at
     active = (z - lower < HELD) | (upper - z < HELD)
-    return values, _rest(fit, k, values, minimum.residuals, minimum.jacobian / fit.scale, active)
+    return values, _fit_without(fit, k, values, minimum.residuals, minimum.jacobian / fit.scale, active)
 
 
-def _rest(fit: Fit, k: int, values: Array, residuals: Array, jacobian: Array, active: Mask) -> Fit:
+def _fit_without(fit: Fit, k: int, values: Array, residuals: Array, jacobian: Array, active: Mask) -> Fit:
     """Return the fit of all unknowns but one, with the noise of the fit of all."""
     active, scale = np.delete(active, k), np.delete(fit.scale, k)
     jacobian, covariance = np.delete(jacobian, k, axis=1), np.full((len(active), len(active)), math.nan)

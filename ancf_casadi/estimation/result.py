@@ -25,7 +25,7 @@ from ancf_casadi.estimation.intervals import profile_interval, profiles
 from ancf_casadi.estimation.posterior.log_density import LogDensity
 from ancf_casadi.estimation.prediction import PredictedChannel
 from ancf_casadi.estimation.solve import FitSolution
-from ancf_casadi.estimation.solver.least_squares import refitted
+from ancf_casadi.estimation.solver.least_squares import refit_with_noise
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.interrupts import lasting_interrupts
@@ -278,7 +278,7 @@ class LeastSquaresResult(FitResult):
 
     def resampled(self, noise: Array) -> Array:
         """Return the estimates (p,) from a fit to the fitted curve plus noise of each residual (m,)."""
-        x, of = refitted(self.fit, noise), self.quantities[2]
+        x, of = refit_with_noise(self.fit, noise), self.quantities[2]
         return np.asarray(cs.evalf(cs.densify(of(*map(cs.MX, x.tolist()))))).ravel()[self._estimated]
 
     def _remark(self, name: str, error: float) -> str:
@@ -330,12 +330,12 @@ class LeastSquaresResult(FitResult):
         RuntimeWarning
             If the chains have not converged.
         """
-        from ancf_casadi.estimation.posterior.sampling import sampled  # only here
+        from ancf_casadi.estimation.posterior.sampling import sample_posterior  # only here
 
         (names, units, of), estimated = self.quantities, self._estimated
         named = [names[k] for k in estimated], [units[k] for k in estimated], lambda *x: of(*x)[estimated]
         runs: dict[str, Any] = {"executor": executor, "jobs": jobs, "progress": progress}
-        return sampled(self.log_density(), named, draws=draws, chains=chains, seed=seed, **runs)
+        return sample_posterior(self.log_density(), named, draws=draws, chains=chains, seed=seed, **runs)
 
     def table(self) -> Table:
         """Return the estimates with units, standard errors and 95 % intervals."""
@@ -361,7 +361,7 @@ class BlocksResult(LeastSquaresResult):
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickle without Functions; the solution has the fit, and derives them again."""
-        return _restored, (
+        return _restore, (
             type(self),
             {field_.name: getattr(self, field_.name) for field_ in fields(self) if field_.name != "fit"},
         )
@@ -403,5 +403,5 @@ class BlocksResult(LeastSquaresResult):
         return {**super().to_dict(), "records": [account.data for account in self.accounts]}
 
 
-def _restored(kind: type[BlocksResult], fields_by_name: dict[str, Any]) -> BlocksResult:
+def _restore(kind: type[BlocksResult], fields_by_name: dict[str, Any]) -> BlocksResult:
     return kind(fields_by_name["solution"].fit, **fields_by_name)

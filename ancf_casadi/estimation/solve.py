@@ -44,7 +44,7 @@ from ancf_casadi.estimation.determination import check_determined
 from ancf_casadi.estimation.fit import CONFIDENCE_LEVEL, Fit
 from ancf_casadi.estimation.solver.gauss_newton import HUBER
 from ancf_casadi.estimation.solver.least_squares import least_squares, residual_function
-from ancf_casadi.estimation.solver.unknown import Unknown, started
+from ancf_casadi.estimation.solver.unknown import Unknown, with_guesses
 from ancf_casadi.exceptions import AncfError, FitError
 from ancf_casadi.support.arrays import Array, Mask
 
@@ -199,7 +199,7 @@ class FitSolution:
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickle without the Functions, which the receiving process derives again."""
         fits = [replace(fit, model=cs.Function()) for fit in (self.fit, *self.other_optima)]
-        return _restored, (self.problem, self.shifts, fits, self.mesh_shifts)
+        return _restore, (self.problem, self.shifts, fits, self.mesh_shifts)
 
 
 def _mesh_shifts(problem: FitProblem, fit: Fit) -> Array:
@@ -228,7 +228,7 @@ def _mesh_shifts(problem: FitProblem, fit: Fit) -> Array:
     return np.full(len(fit.names), math.nan)
 
 
-def _restored(problem: FitProblem, shifts: Array, fits: Sequence[Fit], mesh_shifts: Array) -> FitSolution:
+def _restore(problem: FitProblem, shifts: Array, fits: Sequence[Fit], mesh_shifts: Array) -> FitSolution:
     fit, *other_optima = (replace(fit, model=residual_function(problem.residuals, fit.coordinates)) for fit in fits)
     solution = FitSolution(problem, fit, shifts, tuple(other_optima))
     solution.__dict__["mesh_shifts"] = mesh_shifts
@@ -240,8 +240,8 @@ def solve(problem: FitProblem, starts: Sequence[Mapping[str, float]] = ({},)) ->
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RuntimeWarning)  # a trial that cannot be computed shortens the step
         try:
-            problem, fit, other_optima = _reweighted(problem, _optima(problem, starts))
-            return _checked(_refined(problem, fit, other_optima))
+            problem, fit, other_optima = _reweight(problem, _optima(problem, starts))
+            return _check_result(_refine(problem, fit, other_optima))
         finally:
             problem.close()
 
@@ -260,7 +260,7 @@ def _optima(problem: FitProblem, starts: Sequence[Mapping[str, float]]) -> list[
     failures: list[FitError] = []
     for k, start in enumerate(starts):
         try:
-            problem_from_start = replace(problem, unknowns=tuple(started(problem.unknowns, start)))
+            problem_from_start = replace(problem, unknowns=tuple(with_guesses(problem.unknowns, start)))
             fits.append(problem_from_start.fitted(first=k == 0))
         except FitError as error:
             failures.append(error)
@@ -284,7 +284,7 @@ def _differ(fit: Fit, optimum: Fit) -> bool:
     return bool((np.abs(fit.values - optimum.values) > OPTIMA_APART * size).any())
 
 
-def _reweighted(problem: FitProblem, optima: Sequence[Fit]) -> tuple[FitProblem, Fit, Sequence[Fit]]:
+def _reweight(problem: FitProblem, optima: Sequence[Fit]) -> tuple[FitProblem, Fit, Sequence[Fit]]:
     """Return the problem with the weights that residuals give, its estimates, and its other optima."""
     fit, *other_optima = optima
     residuals = standardised_residuals(fit) / problem.scale
@@ -336,7 +336,7 @@ def _turn(fit: Fit, before: Fit) -> Array:
     return sizes
 
 
-def _refined(problem: FitProblem, fit: Fit, other_optima: Sequence[Fit]) -> FitSolution:
+def _refine(problem: FitProblem, fit: Fit, other_optima: Sequence[Fit]) -> FitSolution:
     """Return the solution with blocks so fine that their errors shift no estimate by much."""
     turn, compared = np.zeros(len(fit.names)), False
     for _ in range(MOST_REFINEMENTS + 1):
@@ -366,7 +366,7 @@ def _refined(problem: FitProblem, fit: Fit, other_optima: Sequence[Fit]) -> FitS
     return FitSolution(problem, fit, shifts, tuple(other_optima))
 
 
-def _checked(solution: FitSolution) -> FitSolution:
+def _check_result(solution: FitSolution) -> FitSolution:
     """Return a solution; raise a FitError if it leaves most of a motion, or has most unknowns at bounds."""
     unexplained_shares = [share for block, fitted in solution.fitted_blocks for share in block.unexplained(fitted)]
     unexplained = [f"{name} ({share:.0%})" for name, share in unexplained_shares if share**2 > MOST_UNEXPLAINED]
@@ -399,7 +399,10 @@ def _fitted_again(
     ``keep`` says whether the steps begin with the Jacobian of the fit.
     """
     blocks = tuple(new or old for new, old in zip(changed, problem.blocks, strict=True))
-    before, problem = problem, replace(problem, blocks=blocks, unknowns=tuple(started(problem.unknowns, fit.estimates)))
+    before, problem = (
+        problem,
+        replace(problem, blocks=blocks, unknowns=tuple(with_guesses(problem.unknowns, fit.estimates))),
+    )
     jacobian = fit.jacobian * (problem.factors / before.factors)[:, None] if keep else None
     again = problem.fitted(first=False, jacobian=jacobian)
     iterations, seconds = fit.iterations + again.iterations, fit.solve_seconds + again.solve_seconds

@@ -204,22 +204,22 @@ def _of_sensors(number: int, record: MotionRecord, model: Model) -> list[Unknown
     """Return the unknown release of a record, view of its camera, and offset and zero of each channel."""
     unknowns = []
     if isinstance(record.release_time, tuple):
-        unknowns.append(_between(f"release_{number}", record.release_time, "s"))
+        unknowns.append(_bounded_unknown(f"release_{number}", record.release_time, "s"))
     for name, limits, _, unit in record.camera.unknowns if record.camera else ():
         if limits:
-            unknowns.append(_between(f"{name}_{number}", limits, unit))
+            unknowns.append(_bounded_unknown(f"{name}_{number}", limits, unit))
     for j, channel in enumerate(record.own_channels, start=1):
         if channel.offset:
-            unknowns.append(_between(f"offset_{number}_{j}", channel.offset, "s"))
+            unknowns.append(_bounded_unknown(f"offset_{number}_{j}", channel.offset, "s"))
         if channel.zero:
-            unknowns.append(_between(f"zero_{number}_{j}", channel.zero, channel.sensor.unit))
+            unknowns.append(_bounded_unknown(f"zero_{number}_{j}", channel.zero, channel.sensor.unit))
         elif channel.sensor.quantity == "displacement":
             guess = _origin_guess(channel, model)
             unknowns.append(Unknown(f"zero_{number}_{j}", guess, LOAD_SCALE * model.beam.length, unit="m"))
     return unknowns
 
 
-def _between(name: str, limits: tuple[float, float], unit: str) -> Unknown:
+def _bounded_unknown(name: str, limits: tuple[float, float], unit: str) -> Unknown:
     """Return an unknown whose guess is the middle of its bounds."""
     lower, upper = limits
     return Unknown(name, (lower + upper) / 2, (upper - lower) / 2, lower=lower, upper=upper, unit=unit)

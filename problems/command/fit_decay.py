@@ -94,12 +94,12 @@ def run_fit_decay(options: argparse.Namespace) -> Output:
             with error_prefix(path):
                 isolated.append(isolate_mode(record, options.band, release_time=time))
         records, times = [mode.record for mode in isolated], [mode.mode.release_time for mode in isolated]
-    return _fitted(options, records, times, isolated)
+    return _fit(options, records, times, isolated)
 
 
 def _check_outputs(options: argparse.Namespace, count: int) -> None:
     """Refuse names of files to write that are taken."""
-    new_files(options.files, *_numbered(options.plot, count), *_numbered(options.curve, count))
+    new_files(options.files, *_numbered_modes(options.plot, count), *_numbered_modes(options.curve, count))
 
 
 def _check(options: argparse.Namespace) -> None:
@@ -133,7 +133,7 @@ def _automatic(options: argparse.Namespace) -> str:
     return next((f"--{name} auto" for name, law in laws.items() if law == "auto"), "")
 
 
-def _fitted(
+def _fit(
     options: argparse.Namespace,
     records: Sequence[Measurement],
     times: Sequence[float | None],
@@ -164,9 +164,9 @@ def _fitted(
     if isolated:
         extra["subtracted_hz"] = [[subtracted.frequency for subtracted in mode.others] for mode in isolated]
     files: list[Callable[[], object]] = []
-    for plot, fit in zip(_numbered(options.plot, len(fits)), fits, strict=True):
+    for plot, fit in zip(_numbered_modes(options.plot, len(fits)), fits, strict=True):
         files += figure_writers(plot, fit.figure)
-    for curve, fit in zip(_numbered(options.curve, len(fits)), fits, strict=True):
+    for curve, fit in zip(_numbered_modes(options.curve, len(fits)), fits, strict=True):
         files += file_writers(curve, partial(_curve, fit))
     return Output(lambda: fits[0].to_dict() | extra, lambda: "\n".join([text, *lines]), files)
 
@@ -175,7 +175,7 @@ def _curve(fit: DecayFit) -> str:
     return amplitude_table(fit).csv()
 
 
-def _numbered(path: Path | None, count: int) -> list[Path | None]:
+def _numbered_modes(path: Path | None, count: int) -> list[Path | None]:
     """Return one name per record; with several records, the names are numbered."""
     if path is None or count == 1:
         return [path] * count

@@ -29,7 +29,7 @@ from ancf_casadi.estimation.comparison import LawComparison
 from ancf_casadi.estimation.criteria import Expectation, expectation
 from ancf_casadi.estimation.fit import Fit
 from ancf_casadi.estimation.solver.least_squares import least_squares
-from ancf_casadi.estimation.solver.unknown import started
+from ancf_casadi.estimation.solver.unknown import with_guesses
 from ancf_casadi.exceptions import FitError, InputError
 from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.support.arrays import Array
@@ -195,7 +195,7 @@ def _fit_values(fit: DecayFit, time: Array, values: Array, size: float) -> Fit:
     start = fit.fit.estimates | {"e0": size * fit.fit["e0"]}
     return least_squares(
         lambda *x: _curve(fit, time, *x) - cs.DM(values),
-        started(fit.fit.unknowns, start),
+        with_guesses(fit.fit.unknowns, start),
         series=[len(time)],
         times=time,
         advice="name the laws",

@@ -42,9 +42,9 @@ from ancf_casadi.decay.spectrum import has_even_steps
 from ancf_casadi.estimation.agreement import DISAGREE, allowing_for_errors, allowing_for_later_starts
 from ancf_casadi.estimation.fit import Fit
 from ancf_casadi.estimation.solve import standardised_residuals
-from ancf_casadi.estimation.solver.gauss_newton import HUBER, noise_of
+from ancf_casadi.estimation.solver.gauss_newton import HUBER, robust_deviation
 from ancf_casadi.estimation.solver.least_squares import least_squares
-from ancf_casadi.estimation.solver.unknown import Priors, Unknown, started
+from ancf_casadi.estimation.solver.unknown import Priors, Unknown, with_guesses
 from ancf_casadi.exceptions import FitError, InputError
 from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.records.processing import project_on_cosines, resolution
@@ -252,7 +252,7 @@ def fit_jointly(modes: Sequence[DecayFit], t: Array, y: Array) -> tuple[DecayFit
     columns = []
     for number, mode in enumerate(modes, start=1):
         columns.append(tuple(range(len(unknowns), len(unknowns) + len(mode.indices))))
-        indices = started([mode.fit.unknowns[i] for i in mode.indices], mode.fit.estimates)
+        indices = with_guesses([mode.fit.unknowns[i] for i in mode.indices], mode.fit.estimates)
         unknowns += [replace(u, name=f"{u.name}_{number}") for u in indices]
     decay, mode_indices = Measurement(t - t[0], y), list(zip(modes, columns, strict=True))
     (count,) = sample_counts([decay], [2 * np.pi * max(mode.frequency for mode in modes)])
@@ -275,7 +275,7 @@ def fit_jointly(modes: Sequence[DecayFit], t: Array, y: Array) -> tuple[DecayFit
             times=fitted.time,
             advice="fit fewer modes, or check the time of the release",
         )
-        values, unknowns = fit.values, started(unknowns, fit.estimates)
+        values, unknowns = fit.values, with_guesses(unknowns, fit.estimates)
     curve_residuals = np.asarray(np.sum(curves(decay.time), axis=0) - y)
     return tuple(
         replace(mode, fit=fit, indices=indices, rows=slice(0, count), time=t, residuals=curve_residuals)
@@ -359,12 +359,12 @@ def _fit_model(
         return float(cs.sumsqr(curves([u.guess for u in unknowns]) - measured))
 
     if start is None:
-        starts = [unknowns, started(unknowns, _track_starts(model, decays, guesses))]
+        starts = [unknowns, with_guesses(unknowns, _track_starts(model, decays, guesses))]
         if other_estimates:
-            starts.append(started(starts[-1], other_estimates))
+            starts.append(with_guesses(starts[-1], other_estimates))
         starts.sort(key=misfit)
     else:
-        starts = [started(unknowns, start)]
+        starts = [with_guesses(unknowns, start)]
     prior_count = prior_residuals.numel_out()
     settings: dict[str, Any] = {
         "series": [*(len(t) for t in times), *[1] * prior_count],
@@ -395,13 +395,13 @@ def _fit_model(
             if has_converged(previous, smoothness):
                 break
         if robust:
-            noise = noise_of(residuals)
+            noise = robust_deviation(residuals)
         else:
             noise = math.sqrt(float(residuals @ residuals) / max(len(residuals) - fit.rank, 1))
         if noise <= min_noise and not term_counts:
             break
         noise = max(noise, min_noise)
-        fit = solve_from(started(fit.unknowns, fit.estimates), noise, HUBER * noise if robust else math.inf)
+        fit = solve_from(with_guesses(fit.unknowns, fit.estimates), noise, HUBER * noise if robust else math.inf)
     return without_smoothness_test(fit), columns
 
 

@@ -28,7 +28,7 @@ import casadi as cs
 import numpy as np
 import scipy  # its packages are imported on first use
 
-from ancf_casadi.estimation.determination import product, row_reduced
+from ancf_casadi.estimation.determination import product, reduce_rows
 from ancf_casadi.estimation.solver.nlp import solve_nlp
 from ancf_casadi.support.arrays import Array, Mask
 from problems.matching.design_space import DesignSpace
@@ -201,7 +201,7 @@ class Identifiability:
         logarithmic = self.jacobian[:, columns] * self.values[columns]
         _, singular, rows = np.linalg.svd(logarithmic)
         determined = rows[: np.count_nonzero(singular > RANK_TOLERANCE * self._svd[0][0])]
-        return names, row_reduced(determined, range(len(names)))
+        return names, reduce_rows(determined, range(len(names)))
 
     def statements(self) -> tuple[str, ...]:
         """Return sentences that say which combinations of the unknowns the data determine."""

@@ -28,7 +28,7 @@ from ancf_casadi.decay.rest_position import Rest
 from ancf_casadi.decay.smooth import AMPLITUDE_SPAN
 from ancf_casadi.estimation.block import Block
 from ancf_casadi.estimation.solve import FitProblem, FitSolution, solve
-from ancf_casadi.estimation.solver.unknown import Priors, Unknown, started
+from ancf_casadi.estimation.solver.unknown import Priors, Unknown, with_guesses
 from ancf_casadi.exceptions import FitError, InputError, NumericsError
 from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.support.arrays import Array, root_mean_square
@@ -234,7 +234,7 @@ def _mode_problem(
     law_names = tuple(unknown.name for unknown in law_unknowns)
     unknowns = [
         unknown
-        for unknown in started(largest.fit.unknowns if largest else law_unknowns, start)
+        for unknown in with_guesses(largest.fit.unknowns if largest else law_unknowns, start)
         if unknown.name in law_names
     ]
     blocks = list[Block]()
@@ -261,7 +261,7 @@ def _solve_smoothness(solution: FitSolution) -> FitSolution:
     smoothness = _smoothness(solution)
     for _ in range(MAX_ITERATIONS if smoothness.size else 0):
         before, problem = smoothness, solution.problem
-        solution = solve(replace(problem, unknowns=tuple(started(problem.unknowns, solution.fit.estimates))))
+        solution = solve(replace(problem, unknowns=tuple(with_guesses(problem.unknowns, solution.fit.estimates))))
         smoothness = _smoothness(solution)
         if has_converged(before, smoothness):
             break

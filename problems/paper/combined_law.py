@@ -50,7 +50,7 @@ from problems.paper.step import paper_step
 from problems.spec.beam import law_of
 from problems.study.compute import Compute
 from problems.study.drawing import line, new_figure
-from problems.study.step import Finding, LawChoice, beside_printed
+from problems.study.step import Finding, LawChoice, table_with_printed
 
 REJECTED = 0.01  # probability of Q below which one eta2 does not explain all modes
 AIR = Air(density=1.2, viscosity=1.81e-5)
@@ -242,7 +242,7 @@ def _law_table(fit: CombinedLawFit, drag: float, drag_error: float) -> Table:
     rows += [("η2, all modes", "1/m", fit.eta2), ("drag coefficient", "1", drag)]
     errors = {"value": [*100 * fit.errors[:-1], fit.errors[-1], drag_error]}
     title = "Modal plus quadratic damping for all modes"
-    return beside_printed(title, ("", "unit", "value"), rows, fit.verdict, errors=errors)
+    return table_with_printed(title, ("", "unit", "value"), rows, fit.verdict, errors=errors)
 
 
 def _drag_table(fit: CombinedLawFit, rows: Sequence[Mapping[str, Any]]) -> Table:
@@ -270,7 +270,7 @@ def _drag_table(fit: CombinedLawFit, rows: Sequence[Mapping[str, Any]]) -> Table
         "Printed η2: with the beam of the study before any change.",
     )
     cells = zip(*columns.values(), strict=True)
-    return beside_printed("Drag coefficient and viscous damping", [*columns], cells, *notes, errors=errors)
+    return table_with_printed("Drag coefficient and viscous damping", [*columns], cells, *notes, errors=errors)
 
 
 def _mark_synthetic(figure: Figure) -> None:

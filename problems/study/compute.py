@@ -89,7 +89,7 @@ class Store:
 
     def start(self, function: Callable[..., Any], inputs: Sequence[Any], cost: float) -> str:
         """Start a computation unless it has started, and return its key."""
-        key = key_of(function, *inputs)
+        key = computation_key(function, *inputs)
         if key not in self.computations:
             path = self._folder and self._folder / f"{key}{SUFFIX}"
             self.computations[key] = self._threads.submit(self._run, function, inputs, path, cost)
@@ -109,7 +109,7 @@ class Store:
         if path:
             write_file(path, with_digest(content))
         self._bar.update(cost)
-        return unpacked(content, function)
+        return unpack(content, function)
 
     def wait_for(self, keys: Iterable[str]) -> None:
         """Wait for the results of computations, and give up the turn meanwhile."""
@@ -198,17 +198,17 @@ def wait_for(futures: Iterable[Future[Any]]) -> None:
         future.result()
 
 
-def key_of(function: Callable[..., Any], *inputs: Any) -> str:
+def computation_key(function: Callable[..., Any], *inputs: Any) -> str:
     """Return the key of a computation, 24 hexadecimal digits."""
-    return hashlib.sha256(encoded([function, _program(), inputs])).hexdigest()[:24]
+    return hashlib.sha256(encode([function, _program(), inputs])).hexdigest()[:24]
 
 
-def encoded(value: Any) -> bytes:
+def encode(value: Any) -> bytes:
     """Return plain data as MessagePack; arrays keep every bit."""
     return msgspec.msgpack.encode(value, enc_hook=_plain)
 
 
-def decoded(content: bytes, kind: Any) -> Any:
+def decode(content: bytes, kind: Any) -> Any:
     """Return plain data of a type from MessagePack."""
     return msgspec.msgpack.decode(content, type=kind, dec_hook=_array)
 
@@ -217,22 +217,22 @@ def run_function(function: Callable[..., Any], inputs: Sequence[Any]) -> bytes:
     """Return computing time and result of a function as they are kept; all results pass through this form."""
     began = time.perf_counter()
     result = function(*inputs)
-    return encoded((time.perf_counter() - began, result))
+    return encode((time.perf_counter() - began, result))
 
 
 def kept(path: Path, function: Callable[..., Any]) -> Computation | None:
     """Return the result of a function in a file, or None if there is none that can be used."""
     try:
         content = path.read_bytes()
-        return unpacked(body, function) if content == with_digest(body := content[DIGEST_BYTES:]) else None
+        return unpack(body, function) if content == with_digest(body := content[DIGEST_BYTES:]) else None
     except (OSError, ValueError, msgspec.MsgspecError):
         return None
 
 
-def unpacked(content: bytes, function: Callable[..., Any]) -> Computation:
+def unpack(content: bytes, function: Callable[..., Any]) -> Computation:
     """Return a kept computation, with its result in the type that the function declares."""
     seconds, result = msgspec.msgpack.decode(content, type=tuple[float, msgspec.Raw])
-    return Computation(seconds, decoded(result, typing.get_type_hints(function)["return"]))
+    return Computation(seconds, decode(result, typing.get_type_hints(function)["return"]))
 
 
 def with_digest(content: bytes) -> bytes:

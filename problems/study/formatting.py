@@ -59,7 +59,7 @@ def shown(value: Cell, error: float | None = None, digits: int = 4) -> str:
     return f"({value / 10**power:.{places}f} ± {error / 10**power:.{places}f})e{power}"
 
 
-def digits_of(value: float, error: float | None) -> int:
+def significant_digits(value: float, error: float | None) -> int:
     """Return the significant digits of a value down to the second digit of an error; 4 for none."""
     if not (value and error and math.isfinite(error)):
         return 4

@@ -46,8 +46,8 @@ def read_study(path: str | Path, names: Sequence[str] = ()) -> Study:
     study = convert(file.tables.get("study", {}), Study, file.where("study"))
     study = replace(study, title=study.title or Path(path).stem, file=file, laws=_laws(file))
     where = file.where("steps")
-    tables = _named_tables(file.several("steps") or _suggested(file, names), where)
-    chosen = [step for name in names for step in _chosen(name, tables, str(path))] or list(tables)
+    tables = _named_tables(file.several("steps") or _suggest_steps(file, names), where)
+    chosen = [step for name in names for step in _choose_steps(name, tables, str(path))] or list(tables)
     if not tables:
         raise InputError("has nothing to study; add [beam], [[decays]] or [[steps]]", str(path))
     steps: dict[str, Step] = {}
@@ -62,7 +62,7 @@ def read_study(path: str | Path, names: Sequence[str] = ()) -> Study:
     return replace(study, steps=tuple(steps.values()), beam=beam)
 
 
-def _suggested(file: StudyFile, names: Sequence[str]) -> list[dict[str, Any]]:
+def _suggest_steps(file: StudyFile, names: Sequence[str]) -> list[dict[str, Any]]:
     """Return the steps that the tables of a file suggest; the beam is the one that a fit identifies, if it is run."""
     kinds = [kind for name in SUGGESTED_KEYS if name in file.tables for kind in SUGGESTED_KEYS[name]]
     kinds = list(dict.fromkeys(kinds))
@@ -110,7 +110,7 @@ def _named_tables(tables: Sequence[Any], where: str) -> dict[str, dict[str, Any]
     return named
 
 
-def _chosen(name: str, tables: dict[str, dict[str, Any]], path: str) -> list[str]:
+def _choose_steps(name: str, tables: dict[str, dict[str, Any]], path: str) -> list[str]:
     """Return the names of the steps of a name or kind, which may be a new step of this kind."""
     kind = STEP_KINDS.get(name, name)
     names = [step for step, table in tables.items() if name == step or kind == table["kind"]]

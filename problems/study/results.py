@@ -37,7 +37,7 @@ NUMBER_AND_UNIT = re.compile(r"(?<=\d) (?=(?:%|[km]?Hz|[kmµ]?m|m?s|1/s|1/m|k?g|
 LEADING_NUMBER = re.compile(r"^(?:< |[(])?[-+–]?\d")
 
 
-def labelled(study: Study, findings: Sequence[Finding]) -> tuple[Finding, ...]:
+def label_findings(study: Study, findings: Sequence[Finding]) -> tuple[Finding, ...]:
     """Return the findings of the steps with labels as names of tables and figures, and with the notes of each step."""
     labels = [label for step in study.steps for label in (*step.tables, *step.figures)]
     taken = {file_name(label) for label in labels}
@@ -136,7 +136,7 @@ def page(study: Study, findings: Sequence[Finding], **about: Any) -> str:
     from jinja2 import Environment, StrictUndefined  # slow to import
 
     environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
-    environment.filters |= {"paragraphs": _paragraphs, "anchor": file_name, "unbroken": _unbroken}
+    environment.filters |= {"paragraphs": _paragraphs, "anchor": file_name, "unbroken": _without_breaks}
     environment.filters |= {"with_units": _with_units, "base64": lambda content: base64.b64encode(content).decode()}
     environment.globals |= {"svg": inline_svg, "numeric": _numeric, "zip": zip,
                             "formatted": formatted_table}  # fmt: skip
@@ -152,7 +152,7 @@ def _paragraphs(text: str) -> Markup:
     return Markup("\n").join(Markup("<p>{}</p>").format(_with_units(paragraph)) for paragraph in paragraphs)
 
 
-def _unbroken(text: str) -> str:
+def _without_breaks(text: str) -> str:
     """Return text that breaks before ± only: a number keeps its unit, and a label its number."""
     return text.replace(" ", NO_BREAK).replace(f"{NO_BREAK}±", " ±")
 

@@ -22,7 +22,7 @@ from ancf_casadi.exceptions import NumericsError
 from ancf_casadi.mechanics.beam import Beam
 from ancf_casadi.mechanics.spec import BeamSpec
 from ancf_casadi.support.parallel import COUNT_BAR, executor_errors, processes
-from problems.study.compute import SUFFIX, Compute, Store, ThisThread, decoded, encoded, wait_for
+from problems.study.compute import SUFFIX, Compute, Store, ThisThread, decode, encode, wait_for
 from problems.study.step import Finding, Step
 
 STEPS_FOLDER = "steps"  # folder with the kept results
@@ -55,7 +55,7 @@ def run_steps(
         with store.turn:
             compute = Compute(store, quick=quick, formats=formats, draw=step.draw)
             try:
-                finding: Finding = decoded(encoded(step.finding(compute, needed)), Finding)  # plain data alone
+                finding: Finding = decode(encode(step.finding(compute, needed)), Finding)  # plain data alone
             except NumericsError as error:
                 error.args = (f"{step.name}: {error}",)
                 raise

@@ -99,7 +99,7 @@ def printed_numbers(table: Printed, columns: Mapping[str, int], where: str) -> P
     return {name: [None if number != number else number for number in values] for name, values in table.items()}
 
 
-def beside_printed(
+def table_with_printed(
     title: str,
     heads: Sequence[str],
     rows: Iterable[Sequence[Cell]],

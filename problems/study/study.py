@@ -33,7 +33,7 @@ from problems.study.formatting import formatted_table, numeric_table
 from problems.study.kinds.decays import DecayRecord
 from problems.study.kinds.experiment import RequestedRun
 from problems.study.reading import KINDS, read_study
-from problems.study.results import file_name, labelled, page, results, schema
+from problems.study.results import file_name, label_findings, page, results, schema
 from problems.study.runner import run_steps
 from problems.study.step import Finding, LawChoice, Study
 
@@ -193,7 +193,7 @@ def write_study(
             jobs=whole(jobs, "jobs", 1),
             progress=flag(progress, "progress"),
         )
-    findings = labelled(study, findings)
+    findings = label_findings(study, findings)
     left_out = [step.title for step in whole_study.steps if step.name not in {step.name for step in study.steps}]
     versions = {"ancf-casadi": __version__, **{name: version(name) for name in ("casadi", "numpy", "scipy")}}
     report = StudyReport(folder and folder / PAGE, results(study, findings, versions, quick=quick), findings)

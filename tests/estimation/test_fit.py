@@ -12,7 +12,7 @@ from ancf_casadi.estimation.fit import colour_warning, quantile
 from ancf_casadi.estimation.intervals import derived_intervals, profile_interval, profiles
 from ancf_casadi.estimation.result import LeastSquaresResult
 from ancf_casadi.estimation.solver.least_squares import least_squares
-from ancf_casadi.estimation.solver.unknown import Coordinates, Unknown, started
+from ancf_casadi.estimation.solver.unknown import Coordinates, Unknown, with_guesses
 from ancf_casadi.exceptions import InputError
 
 X = np.linspace(0.0, 3.0, 40)
@@ -193,7 +193,7 @@ def test_a_fit_that_starts_at_its_solution_stays_there_though_an_unknown_is_at_i
     unknowns = [Unknown("rate", 0.9, lower=0.0), Unknown("friction", 0.05, lower=0.0), Unknown("frequency", 40.1)]
     fit = least_squares(decay, unknowns)
     assert fit.active_bounds.tolist() == [False, True, False]
-    again = least_squares(decay, started(fit.unknowns, fit.estimates))
+    again = least_squares(decay, with_guesses(fit.unknowns, fit.estimates))
     assert again.values == pytest.approx(fit.values, rel=1e-8, abs=1e-12)
     assert again.iterations < fit.iterations / 2
 

@@ -9,7 +9,7 @@ import scipy
 
 from ancf_casadi.estimation.fit import quantile
 from ancf_casadi.estimation.noise.autoregression import first_correlation
-from ancf_casadi.estimation.noise.series import autocorrelation, concentration, grids_of
+from ancf_casadi.estimation.noise.series import autocorrelation, concentration, series_grids
 from ancf_casadi.estimation.noise.spectrum import estimated_noise
 from ancf_casadi.estimation.solver.least_squares import least_squares
 from ancf_casadi.estimation.solver.unknown import Unknown
@@ -180,7 +180,7 @@ def test_the_correlation_of_few_residuals_is_that_of_their_noise():
         for _ in range(200):
             noise = autoregressive(rng, rho, 100)
             rest = noise - basis @ (basis.T @ noise)
-            found.append(first_correlation(rest, basis, grids_of([100], None))[0])
+            found.append(first_correlation(rest, basis, series_grids([100], None))[0])
         assert np.mean(found) == pytest.approx(rho, abs=0.025)  # 3.5 standard deviations
         assert np.std(found) == pytest.approx(math.sqrt((1 - rho**2) / 100), rel=0.25)
 

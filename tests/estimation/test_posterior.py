@@ -14,7 +14,7 @@ from scipy.signal import lfilter
 from ancf_casadi import Beam, InputError, Model
 from ancf_casadi.estimation.intervals import profile_interval
 from ancf_casadi.estimation.posterior.log_density import LogDensity
-from ancf_casadi.estimation.posterior.sampling import _chain, expanded, largest_r_hat, resampled, sampled
+from ancf_casadi.estimation.posterior.sampling import _chain, expand, largest_r_hat, resample, sample_posterior
 from ancf_casadi.estimation.solver.least_squares import least_squares
 from ancf_casadi.estimation.solver.unknown import Unknown
 from problems import FrequencyRecord, corner_figure, fit_beam, fit_decay
@@ -183,7 +183,7 @@ def test_the_expansion_to_second_order_is_exact_for_residuals_of_second_order():
     density = LogDensity(least_squares(residuals, [Unknown("a", 1.0, lower=0.0), Unknown("b", 1.0)]))
     for c in ([0.0, 0.0], [1.0, 2.0], [-1.5, 1.0]):
         x = density.start + density.scale @ c
-        (value, gradient), (exact, exact_gradient) = (d.value_and_gradient(x) for d in (expanded(density), density))
+        (value, gradient), (exact, exact_gradient) = (d.value_and_gradient(x) for d in (expand(density), density))
         assert value == pytest.approx(exact, rel=1e-9)
         np.testing.assert_allclose(gradient, exact_gradient, rtol=1e-7, atol=1e-7)
 
@@ -235,7 +235,7 @@ def test_samples_of_a_strongly_curved_fit_agree_with_its_profile_and_with_the_tr
     a = first.mean() + spread * stats.t(98).rvs(100_000, random_state=1)
     b = 2 * a**2 + second.mean() + spread * stats.t(98).rvs(100_000, random_state=2)
     settings = {"draws": 2000, "chains": 2, "seed": 0, "executor": None, "jobs": 1, "progress": False}
-    data = sampled(LogDensity(fit), (("a", "b"), ("", ""), lambda *x: cs.vertcat(*x)), **settings)
+    data = sample_posterior(LogDensity(fit), (("a", "b"), ("", ""), lambda *x: cs.vertcat(*x)), **settings)
     ends = np.quantile(data.posterior["a"].values, [0.025, 0.975])
     np.testing.assert_allclose(ends, profile_interval(fit, "a"), atol=0.4 * spread)
     np.testing.assert_allclose(ends, np.quantile(a, [0.025, 0.975]), atol=0.4 * spread)
@@ -249,7 +249,7 @@ def test_weights_correct_draws_that_depend_on_each_other():
     rng = np.random.default_rng(0)
     draws = lfilter([math.sqrt(1 - 0.95**2)], [1.0, -0.95], rng.standard_normal(200_000))
     truth = stats.norm(0.5, 0.8)
-    places = resampled(truth.logpdf(draws) - stats.norm.logpdf(draws), rng)
+    places = resample(truth.logpdf(draws) - stats.norm.logpdf(draws), rng)
     shares = [0.025, 0.2, 0.5, 0.8, 0.975]
     np.testing.assert_allclose(np.quantile(draws[places], shares), truth.ppf(shares), atol=0.04)
     assert (np.diff(places) >= 0).all() and len(places) == len(draws)
@@ -257,10 +257,10 @@ def test_weights_correct_draws_that_depend_on_each_other():
 
 def test_weights_that_count_for_too_few_draws_are_refused():
     rng = np.random.default_rng(0)
-    assert np.array_equal(resampled(np.zeros(5), rng), np.arange(5))
-    assert resampled(np.append(np.full(5, -math.inf), np.zeros(5)), rng) is not None
-    assert resampled(np.append(np.full(6, -math.inf), np.zeros(4)), rng) is None
-    assert resampled(np.full(5, -math.inf), rng) is None
+    assert np.array_equal(resample(np.zeros(5), rng), np.arange(5))
+    assert resample(np.append(np.full(5, -math.inf), np.zeros(5)), rng) is not None
+    assert resample(np.append(np.full(6, -math.inf), np.zeros(4)), rng) is None
+    assert resample(np.full(5, -math.inf), rng) is None
 
 
 @pytest.mark.slow
@@ -268,10 +268,10 @@ def test_a_chain_corrects_what_the_expansion_leaves_out():
     """Of exp a - y, the expansion lacks the third order: its median agrees, and its lower tail does not."""
     values = 1.0 + 2.0 * np.random.default_rng(0).standard_normal(30)
     density = LogDensity(least_squares(lambda a: cs.exp(a) - cs.DM(values), [Unknown("a", 0.1, 1.0, -3.0, 2.0)]))
-    draws, *_ = _chain(density, expanded(density), 1500, np.random.SeedSequence(0))
+    draws, *_ = _chain(density, expand(density), 1500, np.random.SeedSequence(0))
     shares = [0.1, 0.5, 0.9]
     found = np.quantile(density.unknowns(draws)[:, 0], shares)
-    exact, without = quantiles(density, shares), quantiles(expanded(density), shares)
+    exact, without = quantiles(density, shares), quantiles(expand(density), shares)
     assert np.abs(without - exact).max() > 0.2  # what there is to correct
     np.testing.assert_allclose(found, exact, atol=0.1)
 

@@ -406,7 +406,7 @@ def reverse(tangent: Tangent, run: MotionRun, weights: Array) -> tuple[Array, Ar
             stop_if_interrupted()
             entries, _ = bound.at(step, run.parameters)()
             factors = tangent.factors(entries, step, modal_coefficients)
-            ends = _sampled(run, passage, samples, weights, b)
+            ends = _sample_adjoint(run, passage, samples, weights, b)
             q, v, a = ends[3] + q, ends[4] + v, ends[5] + a
             by_velocities = RADAU.inverse[-1] / step.length
             velocities = np.multiply.outer(by_velocities, a)
@@ -429,7 +429,7 @@ def reverse(tangent: Tangent, run: MotionRun, weights: Array) -> tuple[Array, Ar
     return np.vstack([q + of_free.T @ still, v]), b, p
 
 
-def _sampled(run: MotionRun, passage: Passage, samples: Index, weights: Array, b: Array) -> Array:
+def _sample_adjoint(run: MotionRun, passage: Passage, samples: Index, weights: Array, b: Array) -> Array:
     """Return the weights (6, N, d) of q, v and a at both ends of a step from its samples; add those of b to ``b``."""
     of_free, of_base = run.maps
     if not samples.size:

@@ -184,11 +184,11 @@ class _Link:
 
     def forth(self, corrections: cs.SX, turns: cs.SX) -> cs.SX:
         """Return the turned steps (4, 3) between the nodes from the corrections of both (8, 3)."""
-        return self.step(_turned(self.pair @ self._scaled(corrections, 1 / self.l), turns, 1.0))
+        return self.step(_turn(self.pair @ self._scaled(corrections, 1 / self.l), turns, 1.0))
 
     def back(self, total: cs.SX, turns: cs.SX) -> cs.SX:
         """Return the residuals (8, 3) of both nodes from the sums of those beyond the link (4, 3), turned back."""
-        pairs = _turned(self.of_pair.T @ self._scaled(total, self.l), turns, -1.0)
+        pairs = _turn(self.of_pair.T @ self._scaled(total, self.l), turns, -1.0)
         return self._scaled(self.pair.T @ pairs, 1 / self.l)
 
     def step(self, pairs: cs.SX) -> cs.SX:
@@ -202,7 +202,7 @@ class _Link:
         return cs.repmat(cs.DM(position) * factor + cs.DM(1.0 - position), 1, vectors.shape[1]) * vectors
 
 
-def _turned(pairs: cs.SX, turns: cs.SX, sign: float) -> cs.SX:
+def _turn(pairs: cs.SX, turns: cs.SX, sign: float) -> cs.SX:
     """Turn the two vectors (x, y, x, y) of each stage, (4, 3), by their angles, or back."""
     rows = []
     for k in (0, 2):

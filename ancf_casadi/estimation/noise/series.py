@@ -19,7 +19,7 @@ SPARSE_GRID = 16  # length of the grid over the number of samples, beyond which 
 MOST_CONCENTRATION = 3.0  # concentration beyond which residuals are not noise; 1 for white noise
 
 
-def grids_of(series: Sequence[int], times: Array | None) -> list[tuple[slice, Index]]:
+def series_grids(series: Sequence[int], times: Array | None) -> list[tuple[slice, Index]]:
     """Return the rows of each series that is not empty, and the positions of its samples in an even grid."""
     bounds = [slice(*ends) for ends in pairwise(np.cumsum([0, *series]).tolist()) if ends[0] < ends[1]]
     return [(rows, grid_slots(rows.stop - rows.start, None if times is None else times[rows])) for rows in bounds]
@@ -41,7 +41,7 @@ def transform(columns: Array, slots: Index, length: int) -> ComplexArray:
     return np.asarray(np.fft.rfft(grid, length, axis=0))
 
 
-def transform_even(half: Array, length: int) -> Array:
+def even_transform(half: Array, length: int) -> Array:
     """Return the Fourier transform of an even function of the period ``length`` from its values at 0, 1, 2, ..."""
     return np.asarray(scipy.fft.dct(np.pad(half, (0, length // 2 + 1 - len(half))), type=1))
 
@@ -52,7 +52,7 @@ def autocorrelation(residuals: Array, series: Sequence[int] = (), times: Array |
     With the residuals r of several series, rho_k = sum r_i r_(i+k) / sum r_i^2, both sums over all series, and products
     within a series only.
     """
-    grids = grids_of(tuple(series) or (len(residuals),), times)
+    grids = series_grids(tuple(series) or (len(residuals),), times)
     products = np.zeros(1 + max(int(slots[-1]) for _, slots in grids))
     for rows, slots in grids:
         size = int(slots[-1]) + 1

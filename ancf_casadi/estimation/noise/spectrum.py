@@ -47,7 +47,7 @@ import numpy as np
 
 from ancf_casadi.estimation.noise.autoregression import FEWEST_RESIDUALS, correlations
 from ancf_casadi.estimation.noise.covariance import Noise, SeriesSpectrum
-from ancf_casadi.estimation.noise.series import grids_of, transform, transform_even
+from ancf_casadi.estimation.noise.series import even_transform, series_grids, transform
 from ancf_casadi.estimation.noise.transient import transient_covariance
 from ancf_casadi.support.arrays import Array, Index
 
@@ -72,7 +72,7 @@ def estimated_noise(residuals: Array, basis: Array, series: Sequence[int], times
     white = Noise(float(residuals @ residuals) / (m - leverage), m - leverage)
     if not series or m < FEWEST_RESIDUALS or n == 0 or not white.variance > 0.0:
         return white
-    grids = grids_of(series, times)
+    grids = series_grids(series, times)
     coefficients, log_variance = correlations(residuals, basis, grids)
     powers = [
         _relative_power(residuals[rows], basis[rows], slots, ρ)
@@ -112,14 +112,14 @@ def _relative_power(residuals: Array, basis: Array, slots: Index, ρ: float) -> 
     present = transform(np.ones((len(slots), 1)), slots, length)[:, 0]
     pairs = np.fft.irfft(np.abs(present) ** 2, length)[:N]
     correlation = ρ ** np.arange(N, dtype=float)
-    expected = transform_even(correlation * pairs, length) / len(slots)
+    expected = even_transform(correlation * pairs, length) / len(slots)
     weights = _frequency_weights(len(expected))
     columns = np.column_stack([residuals, basis])
     power = np.abs(transform(columns, slots, length)) ** 2 * (weights / length)[:, None]
     leverage = power[:, 1:].sum(axis=1)
     room = np.maximum(weights * len(slots) / length - leverage, 0.0)
     floor = np.finfo(float).eps * expected.max()
-    process = np.maximum(transform_even(correlation, length), 0.0)
+    process = np.maximum(even_transform(correlation, length), 0.0)
     return _RelativePower(
         power=np.concatenate([[0.0], np.cumsum(power[:, 0] / np.maximum(expected, floor))]),
         room=np.concatenate([[0.0], np.cumsum(room)]),

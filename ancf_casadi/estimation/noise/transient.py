@@ -23,7 +23,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ancf_casadi.estimation.noise.series import transform, transform_even
+from ancf_casadi.estimation.noise.series import even_transform, transform
 from ancf_casadi.support.arrays import Array, Index
 
 CLEAR_EXCESS = 4.0  # standard errors of M by which it is larger than q' R q where it replaces it
@@ -49,7 +49,7 @@ def transient_covariance(
         length = 2 * (len(leverage) - 1)
         angle = 1.2 * math.pi / period * np.arange(1, int(slots[-1]) + 1)
         kernel = np.concatenate([[1.0], 3 / angle**2 * (np.sin(angle) / angle - np.cos(angle))])
-        window = transform_even(kernel, length)
+        window = even_transform(kernel, length)
         window[1:-1] *= 2
         scores = transform(residuals[rows, None] * basis[rows], slots, length)
         products += (scores.conj().T @ (scores * window[:, None])).real / length

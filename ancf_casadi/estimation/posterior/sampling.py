@@ -64,7 +64,7 @@ Chain = tuple[Array, Array, Mask]  # coordinates (k, n), log density (k,), and w
 SHARES = (0.95, 0.5)  # of the samples within the contours
 
 
-def sampled(
+def sample_posterior(
     density: LogDensity,
     named: tuple[Sequence[str], Sequence[str], Quantities],
     *,
@@ -79,7 +79,7 @@ def sampled(
     draws, chains, seed = whole(draws, "draws", 4), whole(chains, "chains", 1), whole(seed, "seed", 0)
     for module in ("nutpie", "arviz"):
         find_module(module, "sampling needs it", "nutpie 'arviz<1'")
-    expansion = density if density.solution is None else expanded(density)
+    expansion = density if density.solution is None else expand(density)
     seeds = np.random.SeedSequence(seed).spawn(chains)
     tasks = [partial(_chain, density, expansion, draws, child) for child in seeds]
     results = run_all(tasks, executor=executor, jobs=jobs, progress=progress, title="chains")
@@ -125,13 +125,13 @@ def _chain(density: LogDensity, expansion: LogDensity, draws: int, seed: np.rand
     trace, thinned = _nuts(expansion, THINNING * draws, seed), slice(THINNING - 1, None, THINNING)
     coordinates, expected, diverging = trace[0][thinned], trace[1][thinned], trace[2][thinned]
     exact = np.array([density.value(x) for x in coordinates])
-    places = resampled(exact - expected, np.random.default_rng(seed))
+    places = resample(exact - expected, np.random.default_rng(seed))
     if places is None:
         return _nuts(density, draws, seed)
     return coordinates[places], exact[places], diverging[places]
 
 
-def resampled(log_weights: Array, rng: np.random.Generator) -> Index | None:
+def resample(log_weights: Array, rng: np.random.Generator) -> Index | None:
     """Return which of n draws to take, n indices in order, by weights; None if these count for too few of the draws."""
     n, highest = len(log_weights), float(log_weights.max())
     if not math.isfinite(highest):
@@ -198,7 +198,7 @@ def _nuts(density: LogDensity, draws: int, seed: np.random.SeedSequence) -> Chai
     return coordinates, np.asarray(stats["logp"].values[0]), np.asarray(stats["diverging"].values[0], dtype=bool)
 
 
-def expanded(density: LogDensity) -> LogDensity:
+def expand(density: LogDensity) -> LogDensity:
     """Return the density of residuals to second order in the unknowns, which needs no measurements."""
     fit = density.fit
     middle = density.bounded(density.start) / fit.scale

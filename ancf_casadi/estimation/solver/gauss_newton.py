@@ -94,7 +94,7 @@ def dispersion(residuals: Array, freedom: int, huber: float, systematic: float) 
     return spread + len(residuals) * w * systematic**2
 
 
-def noise_of(residuals: Array) -> float:
+def robust_deviation(residuals: Array) -> float:
     """Return the standard deviation of the noise in residuals with outliers."""
     # standard deviation over the median of |residual|, for normal residuals
     return 1.4826 * float(np.median(np.abs(residuals)))
@@ -102,11 +102,11 @@ def noise_of(residuals: Array) -> float:
 
 def residuals_and_jacobian(evaluate: cs.Function, z: Array) -> tuple[Array, Array]:
     """Return residuals (m,) and Jacobian (m, n) from a Function that gives both."""
-    residuals, jacobian = _counted(evaluate, z)
+    residuals, jacobian = _evaluate_step(evaluate, z)
     return residuals.ravel(), jacobian
 
 
-def _counted(function: cs.Function, z: Array) -> list[Array]:
+def _evaluate_step(function: cs.Function, z: Array) -> list[Array]:
     """Return the outputs of a Function, which counts as one step; an interrupt waits for its end."""
     with delayed_interrupts():
         outputs = evaluated(function, z)
@@ -147,7 +147,7 @@ def minimise(
     if jacobian is None:
         r, jacobian = residuals_and_jacobian(evaluate, z)
     else:
-        r = _counted(values, z)[0].ravel()
+        r = _evaluate_step(values, z)[0].ravel()
     reach, failures, steps = 1.0, 0, 0
     while True:
         psi, curvature = influence(r, huber)
@@ -170,7 +170,7 @@ def minimise(
         predicted = -float(psi @ (jacobian @ step)) - float(np.sum((rows @ step) ** 2)) / 2
         short = bool(inaccuracy) and change <= SHORT_STEP * deviation
         if short:
-            r_trial, jacobian_trial = _counted(values, trial)[0].ravel(), jacobian
+            r_trial, jacobian_trial = _evaluate_step(values, trial)[0].ravel(), jacobian
         else:
             r_trial, jacobian_trial = residuals_and_jacobian(evaluate, trial)
         steps += 1

@@ -26,7 +26,7 @@ from ancf_casadi.estimation.fit import Fit
 from ancf_casadi.estimation.noise.stated import residual_noise
 from ancf_casadi.estimation.solver.gauss_newton import Minimum, influence, loss, minimise, residuals_and_jacobian
 from ancf_casadi.estimation.solver.nlp import solve_nlp
-from ancf_casadi.estimation.solver.unknown import Coordinates, Unknown, started
+from ancf_casadi.estimation.solver.unknown import Coordinates, Unknown, with_guesses
 from ancf_casadi.exceptions import FitError, InputError
 from ancf_casadi.support.arrays import Array, Mask
 from ancf_casadi.support.tall import tall_triangle
@@ -81,7 +81,7 @@ def least_squares(
         minimum, status = _by_ipopt(residuals, evaluate, y, huber, bounds, options, advice)
     seconds = time.perf_counter() - began
     z, r, jacobian = minimum.z, minimum.residuals, minimum.jacobian
-    bound_distance = np.maximum(AT_BOUND, _unseen(r, jacobian, systematic))
+    bound_distance = np.maximum(AT_BOUND, _invisible_moves(r, jacobian, systematic))
     at_lower, at_upper = z - bounds["lower"] < bound_distance, bounds["upper"] - z < bound_distance
     values, active = np.select([at_lower, at_upper], [y.lower, y.upper], z * y.scale), at_lower | at_upper
     if (active & (values / y.scale != z)).any():
@@ -162,7 +162,7 @@ def residual_function(residuals: Callable[..., cs.MX], coordinates: Coordinates)
     return cs.Function("residuals", [z], [cs.densify(r), cs.densify(cs.jtimes(r, z, cs.DM.eye(z.numel())))])
 
 
-def _unseen(residuals: Array, jacobian: Array, systematic: float) -> Array:
+def _invisible_moves(residuals: Array, jacobian: Array, systematic: float) -> Array:
     """Return the distance (n,), in scales, by which an unknown may move without a visible change of the residuals."""
     deviation = max(math.sqrt(np.mean(residuals**2)), systematic)
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -210,7 +210,7 @@ def _inverse_root(jacobian: Array) -> tuple[Array, float, Mask]:
     return root, float(singular[0] / singular[-1]), np.zeros(n, dtype=bool)
 
 
-def refitted(fit: Fit, noise: Array) -> Array:
+def refit_with_noise(fit: Fit, noise: Array) -> Array:
     """Return the unknowns (n,) from a fit to the fitted curve plus noise of each residual (m,), from the estimates."""
     change, y = cs.DM(fit.residuals + noise), fit.coordinates
 
@@ -219,5 +219,7 @@ def refitted(fit: Fit, noise: Array) -> Array:
 
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RuntimeWarning)  # IPOPT steps back from a trial that cannot be computed
-        fit_to_noise = least_squares(residuals, started(fit.unknowns, fit.estimates), huber=fit.huber, **fit.settings)
+        fit_to_noise = least_squares(
+            residuals, with_guesses(fit.unknowns, fit.estimates), huber=fit.huber, **fit.settings
+        )
     return np.array(list(fit_to_noise.estimates.values()))

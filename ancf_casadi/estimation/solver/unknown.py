@@ -153,7 +153,7 @@ class Coordinates:
         return np.where(self.reciprocal, -y * (1.0 - self.offset * y), y)
 
 
-def started(unknowns: Sequence[Unknown], values: Mapping[str, float]) -> list[Unknown]:
+def with_guesses(unknowns: Sequence[Unknown], values: Mapping[str, float]) -> list[Unknown]:
     """Return the unknowns with other guesses by name, each moved to its nearest bound if it is not within them."""
     return [replace(u, guess=min(max(values.get(u.name, u.guess), u.lower), u.upper)) for u in unknowns]
 

@@ -32,7 +32,7 @@ from ancf_casadi.support.arrays import Array, Index
 from ancf_casadi.support.tables import finite_or_none
 from ancf_casadi.vibration.equilibrium import largest_bend
 from problems.beam.curves.checks import checked
-from problems.beam.curves.driven import Driven, driven, fourier_coefficients, shapes, small_response
+from problems.beam.curves.driven import Driven, driven_beam, fourier_coefficients, shapes, small_response
 from problems.beam.curves.points import CurvePoints, Measured, PointMotion, closest, motion_from_rest
 from problems.beam.curves.record import ResponseRecord
 from problems.beam.curves.response_block import ResponseBlock, first_weights
@@ -214,7 +214,7 @@ class CurveBlock(ResponseBlock):
         beams = []
         for record in self.records:
             kind = record.sensor, record.load, record.base and record.base.direction
-            kinds[kind] = kinds.get(kind) or driven(reduced, record, self.harmonics)
+            kinds[kind] = kinds.get(kind) or driven_beam(reduced, record, self.harmonics)
             beams.append(replace(kinds[kind], drive=beam_drive(record.base, record.load)))
         return beams
 
@@ -225,7 +225,7 @@ class CurveBlock(ResponseBlock):
             for name, first_value in self.first.items()
         ]
         model = scaled_model(self.model, self._owners, np.array(factors))
-        first = _reduced(self.model, self.modes, self.law)
+        first = _reduction(self.model, self.modes, self.law)
         return first if model is self.model else rebuild_reduction(first, model)
 
     @cached_property
@@ -272,7 +272,7 @@ class CurveBlock(ResponseBlock):
 
 
 @lru_cache(maxsize=4)
-def _reduced(model: Model, modes: int, law: DampingLaw) -> ReducedModel:
+def _reduction(model: Model, modes: int, law: DampingLaw) -> ReducedModel:
     """Return the reduced model of a beam, which all others of the same block resemble."""
     return reduce_model(model, modes=modes, damping=law)
 

@@ -64,7 +64,7 @@ class Driven:
         return polar.ravel(), by_z, by_s
 
 
-def driven(reduced: Reduction, record: ResponseRecord, harmonics: int) -> Driven:
+def driven_beam(reduced: Reduction, record: ResponseRecord, harmonics: int) -> Driven:
     """Return a reduced beam under the excitation of a record, with its sensor, for a number of harmonics."""
     drive = beam_drive(record.base, record.load)
     # enough samples for the products of a few harmonics, and for the kink of |v| v

@@ -36,7 +36,7 @@ from problems.spec.plan import PLAN_TABLES, PlanTables
 from problems.spec.records import NUMBERS, Measurements
 from problems.study.compute import Compute
 from problems.study.drawing import drawn
-from problems.study.formatting import digits_of
+from problems.study.formatting import significant_digits
 from problems.study.step import Finding, Findings, Step, Study
 
 MODES = 12  # whose natural frequencies get standard errors
@@ -197,7 +197,7 @@ def _estimates(unknowns: Sequence[Mapping[str, Any]]) -> Table:
     heads = ("unknown", "unit", "estimate", "95 % interval from", "to")
     rows = [(one["name"], one["unit"], one["value"], *one["interval_95"]) for one in unknowns]
     errors = [one["standard_error"] for one in unknowns]
-    digits = {head: [digits_of(row[k] or 0.0, error) for row, error in zip(rows, errors, strict=True)]
+    digits = {head: [significant_digits(row[k] or 0.0, error) for row, error in zip(rows, errors, strict=True)]
               for k, head in enumerate(heads) if k > 2}  # fmt: skip
     return Table("", "Estimates from the measurements", heads, rows, errors={"estimate": errors}, digits=digits)
 

@@ -16,7 +16,7 @@ from ancf_casadi.support.tables import finite_or_none
 from problems.modal_damping.rayleigh import fit_rayleigh, rayleigh_ratio
 from problems.study.compute import Compute
 from problems.study.drawing import line, new_figure
-from problems.study.step import Finding, Findings, Printed, Step, Study, beside_printed, printed_numbers
+from problems.study.step import Finding, Findings, Printed, Step, Study, printed_numbers, table_with_printed
 
 
 @dataclass(frozen=True)
@@ -86,14 +86,14 @@ def rayleigh_finding(
     modes = zip((*frequencies, *others.frequencies), (*ratios, *others.ratios), strict=True)
     rows = [(f, 100 * z, float(100 * rayleigh_ratio(np.array(f), fit.alpha, fit.beta))) for f, z in modes]
     tables = (
-        beside_printed(
+        table_with_printed(
             "Coefficients of Rayleigh damping",
             ("coefficient", "unit", "value"),
             [("alpha", "1/s", fit.alpha), ("beta", "s", fit.beta)],
             errors={"value": errors},
             printed={"value": (printed or {}).get("value")},
         ),
-        beside_printed("Damping ratios under this law", ("frequency, Hz", "measured, %", "Eq. (16), %"), rows),
+        table_with_printed("Damping ratios under this law", ("frequency, Hz", "measured, %", "Eq. (16), %"), rows),
     )
     caption = (
         "Damping ratio under Rayleigh damping against frequency, with the parts of α and β, and the measured modes."

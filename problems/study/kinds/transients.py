@@ -22,7 +22,7 @@ from ancf_casadi.support.tables import Table, finite_or_none
 from problems.study.compute import Compute
 from problems.study.drawing import draw_band, line, new_figure, series
 from problems.study.kinds.experiment import ExperimentResult, RequestedRun, run_experiment
-from problems.study.step import Finding, Findings, LawChoice, Printed, Step, Study, beside_printed, printed_numbers
+from problems.study.step import Finding, Findings, LawChoice, Printed, Step, Study, printed_numbers, table_with_printed
 
 TRANSIENT_KEYS = {"experiment", "runs"}  # other keys of its numbers
 
@@ -125,7 +125,7 @@ def _ratios(runs: Sequence[RequestedRun], rows: Sequence[Row], printed: Printed)
         for k, law, numbers in rows
     ]  # fmt: skip
     beside = [printed[law.name][k] if law.name in printed else None for k, law, _ in rows]
-    return beside_printed(
+    return table_with_printed(
         "Damping ratios of the decays after the stop",
         ("mode", "law", *["measured, %"][:measured], "simulated, %", "predicted by the law, %", "at amplitude, mm"),
         cells,
@@ -149,7 +149,7 @@ def _amplitudes(rows: Sequence[Row]) -> Table:
         "amplitude by more than the width of the resonance, so that a drive at constant frequency reaches no more."
     )
     notes = ("The base amplitude is that of linear theory for the requested amplitude of the tip.", reason)
-    return beside_printed("Amplitudes of the excitation and of the tip", heads, cells, *notes[: 1 + short])
+    return table_with_printed("Amplitudes of the excitation and of the tip", heads, cells, *notes[: 1 + short])
 
 
 def _overview(

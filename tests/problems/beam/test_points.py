@@ -18,7 +18,7 @@ from ancf_casadi import (
 )
 from ancf_casadi.records.sensor import Sensor
 from problems import ResponseRecord
-from problems.beam.curves.driven import driven, fourier_coefficients
+from problems.beam.curves.driven import driven_beam, fourier_coefficients
 from problems.beam.curves.points import Measured, closest, motion_from_rest
 
 MODES = 2
@@ -35,7 +35,7 @@ def law(model):
 
 
 def beam_of(model, law, record, harmonics=5):
-    return driven(reduce_model(model, modes=MODES, damping=law), record, harmonics)
+    return driven_beam(reduce_model(model, modes=MODES, damping=law), record, harmonics)
 
 
 def unknowns(law):

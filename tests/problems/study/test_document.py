@@ -13,7 +13,7 @@ import pytest
 from ancf_casadi.support.tables import Table
 from problems.study.drawing import FIGURE_WIDTH, STYLE
 from problems.study.formatting import numeric_table
-from problems.study.results import _numeric, file_name, inline_svg, labelled
+from problems.study.results import _numeric, file_name, inline_svg, label_findings
 from problems.study.results import page as document
 from problems.study.step import Finding, Study
 from problems.study.study import StudyReport, run_study
@@ -264,11 +264,11 @@ class TestLabels:
         table, figure = small_paper.steps[1].tables[0], small_paper.steps[0].figures[0]
         finding = Finding({}, (table, table), (figure,))
         plain = Study("plain", (self.step("a"), self.step("b")))
-        shown = labelled(plain, [finding, finding])
+        shown = label_findings(plain, [finding, finding])
         assert [item.name for step in shown for item in step.tables] == ["Table 1", "Table 2", "Table 3", "Table 4"]
         assert [item.name for step in shown for item in step.figures] == ["Figure 1", "Figure 2"]
         own = Study("own", (self.step("a", tables=("Table 7",)), self.step("b", figures=("Table A1",))))
-        shown = labelled(own, [finding, finding])
+        shown = label_findings(own, [finding, finding])
         assert [item.name for step in shown for item in step.tables] == ["Table 7", "Table A2", "Table A3", "Table A4"]
         assert [item.name for step in shown for item in step.figures] == ["Figure A1", "Table A1"]
 

@@ -19,7 +19,7 @@ from ancf_casadi import Beam, Clamp, Pin, PointMass, Roller, Spring
 from ancf_casadi.mechanics.spec import BeamSpec
 from ancf_casadi.support.arrays import Array
 from problems.study import compute as store_module
-from problems.study.compute import decoded, encoded, kept, key_of, run_function, unpacked, with_digest
+from problems.study.compute import computation_key, decode, encode, kept, run_function, unpack, with_digest
 
 
 @dataclass(frozen=True)
@@ -65,7 +65,7 @@ def beam(paper_beam) -> Beam:
 
 class TestKey:
     def test_is_the_same_each_time(self, beam):
-        assert key_of(sample, 1.0, beam) == key_of(sample, 1.0, dataclasses.replace(beam))
+        assert computation_key(sample, 1.0, beam) == computation_key(sample, 1.0, dataclasses.replace(beam))
 
     @pytest.mark.slow
     def test_is_the_same_in_every_process(self):
@@ -96,7 +96,7 @@ class TestKey:
             (array, None), (array.astype(np.float32), None), (array.reshape(1, 2), None), (array[::-1], None),
             ({"a": 1.0}, None), ({"b": 1.0}, None), ([1.0, 2.0], None),
         ]  # fmt: skip
-        keys = [*(key_of(sample, *arguments) for arguments in inputs), key_of(other, *inputs[0])]
+        keys = [*(computation_key(sample, *arguments) for arguments in inputs), computation_key(other, *inputs[0])]
         assert len({*keys}) == len(keys)
 
     @pytest.mark.slow
@@ -125,13 +125,13 @@ class TestKey:
 
     def test_names_what_is_no_plain_data(self):
         with pytest.raises(NotImplementedError, match="function is not plain data"):
-            key_of(sample, lambda: 0)
+            computation_key(sample, lambda: 0)
 
 
 class TestContent:
     def test_keeps_every_bit(self, beam):
         given = sample(1 / 3, beam)
-        _, found = unpacked(run_function(sample, (1 / 3, beam)), sample)
+        _, found = unpack(run_function(sample, (1 / 3, beam)), sample)
         assert type(found) is Sample
         for name in ("values", "counts"):
             ours, theirs = getattr(found, name), getattr(given, name)
@@ -143,12 +143,12 @@ class TestContent:
 
     @pytest.mark.parametrize("array", [np.empty((0, 3)), np.array(2.0), np.ones((2, 3)).T, np.arange(9)[::2]])
     def test_keeps_arrays_of_any_shape(self, array):
-        found = decoded(encoded(array), np.ndarray)
+        found = decode(encode(array), np.ndarray)
         assert (found.dtype, found.shape) == (array.dtype, array.shape)
         assert np.array_equal(found, array)
 
     def test_a_number_of_numpy_is_a_number(self):
-        assert decoded(encoded([np.float64(0.1), np.int64(3), np.bool_(True)]), list[Any]) == [0.1, 3, True]
+        assert decode(encode([np.float64(0.1), np.int64(3), np.bool_(True)]), list[Any]) == [0.1, 3, True]
 
 
 class TestFiles:
@@ -156,7 +156,7 @@ class TestFiles:
         """The same bits, and the time of the run."""
         content = run_function(sample, (2.0,))
         (tmp_path / "file").write_bytes(with_digest(content))
-        assert encoded(kept(tmp_path / "file", sample)) == content
+        assert encode(kept(tmp_path / "file", sample)) == content
         assert kept(tmp_path / "file", sample).seconds > 0.0
 
     def test_that_are_missing_are_none(self, tmp_path):
@@ -212,7 +212,7 @@ def _damaged(good: bytes, kind: str) -> bytes:
         "longer": lambda: good + b"\0",
         "text": lambda: b"seconds = 1.0",
         "zeros": lambda: bytes(len(good)),
-        "number": lambda: encoded([1.0, 3.0]),
+        "number": lambda: encode([1.0, 3.0]),
         "objects": lambda: again(values=["|O", [1], bytes(8)]),
         "shape": lambda: again(values=["<f8", [7], bytes(8)]),
         "dtype": lambda: again(values=["<f9", [1], bytes(8)]),

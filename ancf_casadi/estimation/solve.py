@@ -399,10 +399,8 @@ def _fitted_again(
     ``keep`` says whether the steps begin with the Jacobian of the fit.
     """
     blocks = tuple(new or old for new, old in zip(changed, problem.blocks, strict=True))
-    before, problem = (
-        problem,
-        replace(problem, blocks=blocks, unknowns=tuple(with_guesses(problem.unknowns, fit.estimates))),
-    )
+    unknowns = tuple(with_guesses(problem.unknowns, fit.estimates))
+    before, problem = problem, replace(problem, blocks=blocks, unknowns=unknowns)
     jacobian = fit.jacobian * (problem.factors / before.factors)[:, None] if keep else None
     again = problem.fitted(first=False, jacobian=jacobian)
     iterations, seconds = fit.iterations + again.iterations, fit.solve_seconds + again.solve_seconds

@@ -9,7 +9,9 @@ from ancf_casadi import (
     HarmonicBase,
     ModalDamping,
     Model,
+    Pin,
     RayleighDamping,
+    Roller,
     StrainMeasures,
     natural_modes,
     simulate,
@@ -67,7 +69,7 @@ def test_samples_do_not_change_the_steps():
 
 
 @pytest.mark.filterwarnings("ignore:the frequency of mode")
-def test_functions_serve_all_numbers_of_a_law_and_a_beam_but_no_other_law_mesh_or_axis():
+def test_functions_serve_all_numbers_of_a_law_and_a_beam_but_no_other_law_mesh_axis_or_support():
     beam = Beam.uniform(**BEAM, elements=2)
     modes = natural_modes(Model(beam), count=2)
     laws = {
@@ -81,6 +83,9 @@ def test_functions_serve_all_numbers_of_a_law_and_a_beam_but_no_other_law_mesh_o
     }
     beams = [beam, *(beam.with_(**{name: value}) for name, value in (("length", 0.6), ("axis", (1.0, 0.0))))]
     beams += [beam.with_(clamp_stiffness=0.5), beam.with_(tip_mass=1e-3), Beam.uniform(**BEAM, elements=3)]
+    rollers = [(Pin(0.0), Roller(0.5, direction)) for direction in ((1.0, 0.0), (1.0, 0.5))]
+    pins = [(Pin(0.0), Pin(0.5, displacement=displacement)) for displacement in ((0.0, 0.0), (0.0, -1e-3))]
+    beams += [beam.with_(supports=supports) for supports in (*rollers, *pins, (Pin(0.0), Pin(0.25)))]
     models = [*map(Model, beams), Model(beam, StrainMeasures(axial="green"))]
     forms = [Collocation(Equations(models[0], law)) for law in laws.values()]
     forms += [Collocation(Equations(model, RayleighDamping(alpha=0.2))) for model in models]

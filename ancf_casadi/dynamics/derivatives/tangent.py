@@ -203,10 +203,7 @@ class Tangent:
         """(q, v, a, excitation, parameters) -> Jacobian of the forces on the free coordinates, for all inputs but a."""
         q, v, a = (cs.MX.sym(name, self._free) for name in "qva")
         excitation, p = cs.MX.sym("excitation", EXCITATION), cs.MX.sym("p", self.form.equations.layout.size)
-        *node, load = cs.vertsplit(excitation, NODE)
-        equations = replace(self.form.equations, make=as_they_are)
-        motion = [equations.model.whole(x, node_motion) for node_motion, x in zip(node, (q, v, a), strict=True)]
-        forces = equations.model.of_free(Collocation(equations).balance(*motion, load, p))
+        forces = Collocation(replace(self.form.equations, make=as_they_are)).balance(q, v, a, excitation, p)
         jacobian = cs.horzcat(*(cs.jacobian(forces, x) for x in (q, v, excitation, p)))
         return cs.Function("force_jacobian", [q, v, a, excitation, p], [jacobian])
 

@@ -201,10 +201,7 @@ class Collocation:
 
     def accelerations(self, q: Array, v: Array, excitation: Array, parameters: Array) -> Array:
         """Return the accelerations a in a state (q, v) under an excitation (16,)."""
-        position, velocity, acceleration, load = np.split(excitation, [NODE, 2 * NODE, 3 * NODE])
-        model = self.equations.model
-        motion = [model.whole(*state) for state in ((q, position), (v, velocity), (0 * q, acceleration))]
-        forces = model.of_free(self.balance(*motion, load, parameters).full().ravel())
+        forces = self.balance(q, v, 0 * q, excitation, parameters).full().ravel()
         return np.asarray(scipy.sparse.linalg.spsolve(self.mass(parameters).sparse(), -forces))
 
     @cached_property
@@ -214,7 +211,7 @@ class Collocation:
 
     @cached_property
     def _text(self) -> str:
-        """The forces as text, with the constants of the mesh and of the law."""
+        """The forces as text, with the constants of the mesh, the supports and the law."""
         return str(self.balance.serialize())
 
     @cached_property
@@ -308,11 +305,13 @@ class Collocation:
 
     @cached_property
     def balance(self) -> cs.Function:
-        """(e, e_t, e_tt, load, parameters) -> forces at all nodes."""
-        e, e_t, e_tt = (cs.MX.sym(name, self.equations.model.size) for name in ("e", "e_t", "e_tt"))
-        load = cs.MX.sym("load", NODE)
-        forces = self._balance.forces(e, e_t, e_tt, load)
-        return cs.Function("balance", [e, e_t, e_tt, load, self._symbols.parameters], [forces])
+        """(q, v, a, excitation, parameters) -> forces on the free coordinates."""
+        q, v, a = (cs.MX.sym(name, self.equations.free) for name in "qva")
+        excitation, model = cs.MX.sym("excitation", EXCITATION), self.equations.model
+        *of_base, load = cs.vertsplit(excitation, NODE)
+        e, e_t, e_tt = (model.whole(x, b) for x, b in zip((q, v, a), of_base, strict=True))
+        forces = model.of_free(self._balance.forces(e, e_t, e_tt, load))
+        return cs.Function("balance", [q, v, a, excitation, self._symbols.parameters], [forces])
 
 
 @lru_cache(8)

@@ -30,7 +30,7 @@ The column ``first order`` is the coverage of the same records if the fit were l
 at the truth give an estimate and its interval without a fit.  A fit that is nearly linear covers with it, record by
 record, so that the difference is known far better than either.  ``many`` is the coverage by first order over 4000
 draws of white noise with the stated or estimated weights, and ``corrected`` is ``many`` plus the difference, with its
-95 % limits: the coverage without the luck of the seeds.  Cases with other noise have no ``many``.
+95 % limits: the long-run coverage.  Cases with other noise have no ``many``.
 """
 
 from __future__ import annotations

@@ -341,8 +341,8 @@ class Fit:
         if pairs:
             named = [f"{names[i]} and {names[j]} ({self.correlations[i, j]:.3f})" for i, j in pairs]
             notes.append(
-                f"{', '.join(named)} correlate: the data determine a combination of each pair much better than the two "
-                "alone; more data, or fewer unknowns, would help"
+                f"{', '.join(named)} are strongly correlated: only a combination of each pair is well determined; more "
+                "data, or fewer unknowns, would help"
             )
         if self.noise.p_value < CONTRADICTED:
             notes.append(

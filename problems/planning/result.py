@@ -105,7 +105,7 @@ class Plan(Reported):
         return self._errors_by_name(self.design.errors(self.design.total(self._amounts(counts))))
 
     def shares(self, budget: float = 1.0, goal: str = "D") -> dict[str, float]:
-        """Return the share of a budget that is best spent on each candidate, if parts of records could be had.
+        """Return the share of a budget that is best spent on each candidate, as if records were divisible.
 
         Raises
         ------

@@ -49,7 +49,7 @@ def read_study(path: str | Path, names: Sequence[str] = ()) -> Study:
     tables = _named_tables(file.several("steps") or _suggest_steps(file, names), where)
     chosen = [step for name in names for step in _choose_steps(name, tables, str(path))] or list(tables)
     if not tables:
-        raise InputError("has nothing to study; add [beam], [[decays]] or [[steps]]", str(path))
+        raise InputError("defines no step; add [beam], [[decays]] or [[steps]]", str(path))
     steps: dict[str, Step] = {}
     while missing := [name for name in chosen if name not in steps]:
         for name in missing:

@@ -250,7 +250,7 @@ def test_rank_condition_and_correlations_are_those_of_the_jacobian():
 
 def test_unknowns_hardly_told_apart_are_named():
     far = least_squares(lambda a, b: line(a - 100 * b, b), [Unknown("a", 0.0), Unknown("b", 0.0)])
-    assert any("a and b (1.000) correlate" in note for note in far.warnings)
+    assert any("a and b (1.000) are strongly correlated" in note for note in far.warnings)
     assert straight().warnings == ()
 
 

@@ -104,7 +104,7 @@ def sample_posterior(
     if bad:
         warnings.warn(
             f"the chains have not converged: R-hat is above {limit:.3g} for {', '.join(map(str, bad))}; take "
-            "more draws, or give an unknown that the data leave open a prior",
+            "more draws, or give bounds or a prior to an unknown that the data do not determine",
             RuntimeWarning,
             stacklevel=3,
         )

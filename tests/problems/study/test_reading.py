@@ -133,7 +133,7 @@ class TestDefaults:
 
 
 MISTAKES = {  # what is replaced, by what, and the message after the name of the file
-    "comments alone": (ALL, "# a study", ": has nothing to study; add [beam], [[decays]] or [[steps]]"),
+    "comments alone": (ALL, "# a study", ": defines no step; add [beam], [[decays]] or [[steps]]"),
     "empty": (ALL, "", ": is empty"),
     "unknown table": ("[beam]", "[bean]", ": unknown key 'bean'"),
     "unknown key of the study": (BEAM, f"{BEAM}[study]\ncolour = 1\n", ": [study]: unknown key 'colour'"),

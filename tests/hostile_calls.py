@@ -136,7 +136,7 @@ def calls(folder: Path) -> dict[str, tuple[Callable, dict]]:
         "excitation": u, "parameters": (a.Parameter("c", 0.1, "", ""),), "rest": [0.0], "scale": [1.0],
     }  # fmt: skip
     grid = np.linspace(0.8 * f, 1.2 * f, 40)
-    frf = 1 / (f**2 - grid**2 + 0.04j * f * grid)
+    frf = (1 + 1e-3 * np.random.default_rng(1).standard_normal(40)) / (f**2 - grid**2 + 0.04j * f * grid)
     frequencies = tuple(modes.frequencies.tolist())
     markers = np.zeros((40, 1, 2)) + [0.0, -0.5] + np.outer(values[:40], [1.0, 0.0])[:, None, :]
     motion_record = p.MotionRecord([a.Measurement(instants[:40], values[:40])], base)

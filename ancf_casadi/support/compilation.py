@@ -79,19 +79,19 @@ def compiled_together(functions: Sequence[cs.Function], *, derivatives: bool = F
         _give_up(compiler, "no C compiler was found")
         return [interpreted(function) for function in functions]
     folder = _safe_folder()
-    stems = [_stem(function, compiler, derivatives=derivatives) for function in functions]
+    wanted = [
+        (function, derivatives and any(function.is_diff_in(k) for k in range(function.n_in())))
+        for function in functions
+    ]
+    stems = [_stem(*each, compiler) for each in wanted]
     libraries = {stem: library for stem in stems if (library := _kept(folder, stem))}
-    sources = {
-        stem: _source(function, derivatives=derivatives)
-        for function, stem in zip(functions, stems, strict=True)
-        if stem not in libraries
-    }
+    sources = {stem: _source(*each) for stem, each in zip(stems, wanted, strict=True) if stem not in libraries}
     if sources:
         libraries |= _built(sources, compiler, folder)
     return [_loaded(function, libraries.get(stem), compiler) for function, stem in zip(functions, stems, strict=True)]
 
 
-def _stem(function: cs.Function, compiler: Sequence[str], *, derivatives: bool) -> str:
+def _stem(function: cs.Function, derivatives: bool, compiler: Sequence[str]) -> str:
     """Return the name of the library of a function, up to the digest of its contents."""
     what = (CACHE_FORMAT, cs.CasadiMeta.version(), *compiler, *COMPILER_FLAGS, platform.machine(), str(derivatives))
     key = hashlib.sha256("\0".join((*what, function.serialize())).encode()).hexdigest()
@@ -198,11 +198,11 @@ def _digest(path: Path) -> str:
     return hashlib.sha256(path.read_bytes()).hexdigest()
 
 
-def _source(function: cs.Function, *, derivatives: bool) -> str:
+def _source(function: cs.Function, derivatives: bool) -> str:
     """Return the C code of a function, and of its derivatives if they are wanted."""
     generator = cs.CodeGenerator("source.c")
     generator.add(function)
-    if derivatives and any(function.is_diff_in(k) for k in range(function.n_in())):
+    if derivatives:
         generator.add(function.forward(1))
         generator.add(function.reverse(1))
     return str(generator.dump()) + _jacobian_patterns(function)
@@ -321,10 +321,10 @@ class Buffered:
         buffer, self._evaluate = function.buffer()
         sizes = [function.numel_out(k) for k in range(function.n_out())]
         self.outputs = [*outputs, *map(np.zeros, sizes[len(outputs) :])]
-        self._positions = buffer, [array.reshape(-1).view(float) for array in inputs], [*map(np.ravel, self.outputs)]
-        for k, array in enumerate(self._positions[1]):
+        self._memory = buffer, [array.reshape(-1).view(float) for array in inputs], [*map(np.ravel, self.outputs)]
+        for k, array in enumerate(self._memory[1]):
             buffer.set_arg(k, array.data)
-        for k, array in enumerate(self._positions[2]):
+        for k, array in enumerate(self._memory[2]):
             buffer.set_res(k, array.data)
 
     def __call__(self) -> list[Array]:

@@ -91,6 +91,13 @@ class TestWithACompiler:
         compiled(a_function(3.0))
         assert len(list(cache.iterdir())) == len(files) + 1
 
+    def test_derivatives_need_no_further_library_of_a_function_that_has_none(self, cache):
+        """Regression: a fit compiled the passes that a simulation had compiled before."""
+        x = cs.MX.sym("x")
+        for derivatives in (False, True):
+            compiled(cs.Function("square", [x], [x**2], {"is_diff_in": [False]}), derivatives=derivatives)
+        assert len(list(cache.glob("square-*.so"))) == 1
+
     def test_the_compiler_may_be_named_with_options(self, cache, monkeypatch):
         """Regression: ``CC="gcc -O1"`` was taken as the name of a program, and silently nothing was compiled."""
         monkeypatch.setenv("CC", f"{shutil.which('gcc') or shutil.which('cc')} -O1 -DSOME='a b'")

@@ -73,8 +73,8 @@ def element_function(name: str, element: Element, law: DampingLaw, make: Make) -
         inputs, outputs = [e, e_t, u, e_tt, p, c], [force]
     fixed = name == "resistance" or (name in ("tangents", "lost_power") and make is not as_they_are)
     options: Any = {"is_diff_in": [False] * len(inputs)} if fixed else {}
-    element_function = cs.Function(name, inputs, [cs.densify(output) for output in outputs], {"cse": True, **options})
-    return make([side_by_side(element_function, **options)])[0]
+    of_element = cs.Function(name, inputs, [cs.densify(output) for output in outputs], {"cse": True, **options})
+    return make([side_by_side(of_element, **options)])[0]
 
 
 def side_by_side(function: cs.Function, **options: Any) -> cs.Function:
@@ -289,16 +289,14 @@ class Balance:
 
     def forces(self, e: cs.MX, e_t: cs.MX, e_tt: cs.MX, load: cs.MX) -> cs.MX:
         """Return the forces at all nodes, (4 n + 4, s), from the same as ``local``."""
-        forces = self.local(e, e_t, e_tt, load)
-        return forces + self.of_low_rank(e[2:NODE, :], e_t) if self.projection.numel() else forces
+        return self.local(e, e_t, e_tt, load) + self.of_low_rank(e[2:NODE, :], e_t)
 
     def powers(self, e: cs.MX, e_t: cs.MX, e_tt: cs.MX, load: cs.MX) -> cs.MX:
         """Return the powers lost to damping, supplied by the base and supplied by the load, (3, s), as ``local``."""
         equations = self.equations
         (by_group,) = equations.map_elements("lost_power", self, e, e_t)
         lost = sum(cs.sum1(cs.reshape(by_element, -1, e.size2())) for by_element in by_group)
-        if self.projection.numel():
-            lost += self.modal_coefficients.T @ self.modal_velocities(e[2:NODE, :], e_t) ** 2
+        lost += self.modal_coefficients.T @ self.modal_velocities(e[2:NODE, :], e_t) ** 2
         by_base = cs.sum1(e_t[:NODE, :] * self.on_base(e, e_t, e_tt, load))
         return cs.vertcat(lost, by_base, cs.sum1(e_t * load_force(equations.model, equations.place, e, load)))
 
@@ -306,11 +304,8 @@ class Balance:
         """Return the generalized force of the base on the beam, (4, s), from the same as ``local``."""
         equations, groups = self.equations, self.equations.model.groups_at_base
         (by_element,) = equations.map_elements("balance", self, e, e_t, e_tt, groups=groups)
-        forces = equations.model.sum_at_nodes(by_element, groups.values())
-        forces -= load_force(equations.model, equations.place, e, load)
-        return equations.model.of_base(
-            forces + self.of_low_rank(e[2:NODE, :], e_t) if self.projection.numel() else forces
-        )
+        forces = equations.model.sum_at_nodes(by_element, groups.values()) + self.of_low_rank(e[2:NODE, :], e_t)
+        return equations.model.of_base(forces - load_force(equations.model, equations.place, e, load))
 
     def tangents(self, e: cs.MX, e_t: cs.MX, load: cs.MX) -> tuple[cs.MX, cs.MX, cs.MX]:
         """Return the entries of K = d(Q_damp + Q_e - Q_load)/de, D = dQ_damp/de_t and M of all elements, (entries, s).

@@ -151,15 +151,12 @@ class Collocation:
         columns += [self.links.both(x)[:, root:] for x in deviations]
         numbers = s.properties[:, ::STAGES], s.constants[:, ::STAGES]
         (force,) = map_elements(equations.element("resistance", 0), *columns, *numbers)
-        further = cs.MX(equations.model.size, 1)
-        if self._others or self._low_rank:
-            e, e_t, *_ = (x[:, -1] for x in all_nodes)
-            u, w = (cs.vertcat(cs.MX.zeros(NODE), cs.vec(x)) for x in deviations)
-            if self._others:
-                (by_element,) = equations.map_elements("resistance", balance, e, e_t, u, w, groups=self._others)
-                further += equations.model.sum_at_nodes(by_element, self._others.values())
-            if self._low_rank:
-                further += balance.of_low_rank(s.excitations[2:NODE, -1], u)
+        e, e_t, *_ = (x[:, -1] for x in all_nodes)
+        u, w = (cs.vertcat(cs.MX.zeros(NODE), cs.vec(x)) for x in deviations)
+        further = balance.of_low_rank(s.excitations[2:NODE, -1], u)
+        if self._others:
+            (by_element,) = equations.map_elements("resistance", balance, e, e_t, u, w, groups=self._others)
+            further += equations.model.sum_at_nodes(by_element, self._others.values())
         # residuals of the real system alone, in the frame of the last stage
         at_stages = RADAU.transform[:, :1]
         forces = cs.sparsify(cs.DM(np.kron(at_stages, np.eye(LINK)))) @ (real * force)
@@ -224,11 +221,6 @@ class Collocation:
         """The terms of the equation of motion for the parameters of ``_symbols``."""
         return self.equations.balance(self._symbols.parameters)
 
-    @property
-    def _low_rank(self) -> bool:
-        """Whether the damping has a low-rank part."""
-        return self.equations.projection.size > 0
-
     def _advance(self) -> list[cs.MX]:
         """Return Z minus T dW, turned forth, the turns to the stages, and the motion of the links there."""
         s = self._symbols
@@ -262,7 +254,10 @@ class Collocation:
         load = excitations[3 * NODE :, :]
         coordinates = [cs.reshape(x[:, root:] if root else x, LINK, -1) for x in motion]
         (forces,) = map_elements(equations.element("balance", 0), *coordinates, *columns)
-        forces, further = cs.reshape(forces, LINK * STAGES, -1), cs.MX(model.size, STAGES)
+        forces, further = (
+            cs.reshape(forces, LINK * STAGES, -1),
+            balance.of_low_rank(excitations[2:NODE, :], all_nodes[1]),
+        )
         if place := equations.place:
             index, _ = model.place_at(place.place(model.beam))
             at_load = cs.reshape(motion[0][:, index + root], LINK, STAGES)
@@ -272,8 +267,6 @@ class Collocation:
         if self._others:
             (by_element,) = equations.map_elements("balance", balance, *all_nodes, groups=self._others)
             further += model.sum_at_nodes(by_element, self._others.values())
-        if self._low_rank:
-            further += balance.of_low_rank(excitations[2:NODE, :], all_nodes[1])
         return cs.horzcat(cs.MX(LINK * STAGES, root), forces) if root else forces, further
 
     def _solution(self, on_links: cs.MX, further: cs.MX, turns: cs.MX) -> cs.MX:

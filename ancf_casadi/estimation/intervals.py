@@ -209,7 +209,7 @@ def held_fits(fit: Fit, k: int, level: float) -> tuple[tuple[Array, Fit, float],
     room, least_loss = fit.dispersion(alone) * fit.quantile(level) ** 2, loss_value(fit.residuals, fit.huber)
     step = float(np.ptp(fit.intervals(level)[k])) / HELD_STEPS
     of_others = _fit_without(fit, k, fit.values, fit.residuals, fit.jacobian, fit.active_bounds)
-    held = [(fit.values, of_others, 1.0)]
+    fits = [(fit.values, of_others, 1.0)]
     for sign, bound in ((-1.0, fit.lower[k]), (1.0, fit.upper[k])):
         x, before = fit.values, 0.0
         while before < 1.0 and x[k] != bound:
@@ -217,12 +217,12 @@ def held_fits(fit: Fit, k: int, level: float) -> tuple[tuple[Array, Fit, float],
             new, of_others = _fit_held(fit, k, at, x)
             lag = max(2 * (loss_value(of_others.residuals, fit.huber) - least_loss) / room, 0.0)
             if lag < 1.0:
-                held.append((new, of_others, math.sqrt(1 - lag)))
+                fits.append((new, of_others, math.sqrt(1 - lag)))
             else:
                 way = (1 - math.sqrt(before)) / (math.sqrt(lag) - math.sqrt(before))
-                held.append((x + way * (new - x), of_others, 0.0))
+                fits.append((x + way * (new - x), of_others, 0.0))
             x, before = new, lag
-    return tuple(held)
+    return tuple(fits)
 
 
 def _fit_held(fit: Fit, k: int, at: float, start_values: Array) -> tuple[Array, Fit]:

@@ -105,15 +105,17 @@ def _check_outputs(options: argparse.Namespace, count: int) -> None:
 def _check(options: argparse.Namespace) -> None:
     """Refuse options that do not go together."""
     automatic, several = _automatic(options), len(options.files) > 1
+
+    def given_options(*names: str) -> dict[str, bool]:
+        return {f"--{name.replace('_', '-')}": getattr(options, name) is not None for name in names}
+
     excluded: dict[str, tuple[bool, str, dict[str, bool]]] = {  # by option: whether it is given, and what it does
         "--release all": (options.release == "all", "fits one mode by one law to all releases", {
-            **{f"--{name.replace('_', '-')}": getattr(options, name) is not None
-               for name in ("release_time", "modes", "band")}, automatic: bool(automatic),
+            **given_options("release_time", "modes", "band"), automatic: bool(automatic),
         }),
         "--modes": (options.modes is not None, "fits modes with linear damping to one record", {
             "several files": several, f"--law {options.law}": options.law != "linear", "--robust": options.robust,
-            **{f"--{name.replace('_', '-')}": getattr(options, name) is not None
-               for name in ("frequency_law", "rest", "band", "curve")},
+            **given_options("frequency_law", "rest", "band", "curve"),
         }),
         automatic: (bool(automatic), "compares sums of squares on one record", {
             "several files": several, "--robust": options.robust,

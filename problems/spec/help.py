@@ -45,10 +45,10 @@ def tables(schema: Schema, definitions: Schema) -> list[Schema]:
     """Return the tables with keys among the alternatives of a schema, and among those to which it refers."""
     if "$ref" in schema:
         return tables(definitions[schema["$ref"].rpartition("/")[2]], definitions)
-    found = [schema] if "properties" in schema else []
+    alternatives = [schema] if "properties" in schema else []
     for inner in (*schema.get("anyOf", ()), schema.get("items"), schema.get("additionalProperties")):
-        found += [table for table in tables(inner, definitions) if table not in found] if inner else []
-    return found
+        alternatives += [table for table in tables(inner, definitions) if table not in alternatives] if inner else []
+    return alternatives
 
 
 def _described(properties: Schema) -> str:

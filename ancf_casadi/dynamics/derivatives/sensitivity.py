@@ -153,9 +153,9 @@ class SensitivityProblem:
         b, shifts = (directions[self.layout[name]] for name in ("base", "shifts"))
         parameters = self.equations.layout.join(directions.shape[1], **self._parts(directions))
         derivatives = forward(self._tangent, run, run.start_jacobian @ directions, b, parameters)
-        return (
-            derivatives + run.rates[..., None] * shifts[self.clocks][:, None, None, :] if shifts.size else derivatives
-        )
+        if shifts.size:
+            derivatives += run.rates[..., None] * shifts[self.clocks][:, None, None, :]
+        return derivatives
 
     def reverse(self, run: MotionRun, weights: Array) -> Array:
         """Return the derivatives (..., d), by the values, of d sums of the samples, weights (k, orders, rows, d)."""
@@ -217,11 +217,9 @@ class SensitivityProblem:
             law = law.with_parameters(theta[:used])
             state, start_jacobian = held_start(model, self._start_jacobians, load, self._held_at, law)
             sizes = model.properties.size, len(self.equations.model.lumped), len(START_LOAD_NAMES)
-            properties_to_start = slice(layout["properties"].start, layout["start"].stop)
+            is_variable = np.repeat([True, self.lumped, self.held], sizes)
             jacobian[:, :used] = start_jacobian[:, :used]
-            jacobian[:, properties_to_start] = start_jacobian[:, used:][
-                :, np.repeat([True, self.lumped, self.held], sizes)
-            ]
+            jacobian[:, layout["properties"].start : layout["start"].stop] = start_jacobian[:, used:][:, is_variable]
         if start == "impact":
             return state, jacobian
         moved = self._rigid_motion(state.coordinates, velocity)

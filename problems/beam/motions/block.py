@@ -201,7 +201,7 @@ class MotionBlock(Block):
 
     @property
     def _will_be_refined(self) -> bool:
-        """Whether the tolerance is the first one; a fit refines it, because only a second one shows the error of J."""
+        """True if the tolerance is the first one; a fit refines it, because only a second one shows the error of J."""
         return self.expected is None and self.tolerance > (self.wanted or TIGHTEST)
 
     @cached_property

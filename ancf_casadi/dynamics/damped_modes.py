@@ -79,7 +79,7 @@ class DampedModes(Reported):
     (array([ 1.88, 10.58]), array([0.034, 0.006]), True)
     """
 
-    _drawing = "ancf_casadi.plot.damped_modes_figure"
+    _drawing = "ancf_casadi.figures.modes.damped_modes_figure"
 
     equilibrium: Equilibrium
     eigenvalues: ComplexArray

@@ -49,7 +49,7 @@ class IntegratorUse(Displayed):
 class Motion(Reported):
     """Base class of simulated motions of a beam."""
 
-    _drawing = "ancf_casadi.plot.motion_figure"
+    _drawing = "ancf_casadi.figures.motions.motion_figure"
 
     model: Model
     time: Array

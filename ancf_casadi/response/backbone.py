@@ -73,7 +73,7 @@ class Backbone(Reported):
     -1.0%
     """
 
-    _drawing = "ancf_casadi.response.drawing.backbone_figure"
+    _drawing = "ancf_casadi.figures.responses.backbone_figure"
 
     mode: int
     natural_frequency: float

@@ -65,7 +65,7 @@ class ResponseCurve(Reported):
     True
     """
 
-    _drawing = "ancf_casadi.response.drawing.response_figure"
+    _drawing = "ancf_casadi.figures.responses.response_figure"
 
     free: str
     motions: tuple[PeriodicMotion, ...]

@@ -101,7 +101,7 @@ class LinearFrf(Reported):
     ((1, 1, 2), 'm/(N s)')
     """
 
-    _drawing = "ancf_casadi.response.drawing.frf_figure"
+    _drawing = "ancf_casadi.figures.responses.frf_figure"
 
     kind: FrfKind
     frequencies: Array

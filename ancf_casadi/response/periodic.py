@@ -67,7 +67,7 @@ class PeriodicMotion(Reported):
     True
     """
 
-    _drawing = "ancf_casadi.response.drawing.periodic_figure"
+    _drawing = "ancf_casadi.figures.responses.periodic_figure"
 
     excited: Excited
     balance: HarmonicBalance

@@ -68,7 +68,7 @@ class Equilibrium(Reported):
     (-0.357, True)
     """
 
-    _drawing = "ancf_casadi.plot.equilibrium_figure"
+    _drawing = "ancf_casadi.figures.equilibria.equilibrium_figure"
 
     model: Model
     coordinates: Array

@@ -72,7 +72,7 @@ class Modes(Reported):
     array([ 1.88, 10.59, 29.47])
     """
 
-    _drawing = "ancf_casadi.plot.modes_figure"
+    _drawing = "ancf_casadi.figures.modes.modes_figure"
 
     equilibrium: Equilibrium
     frequencies: Array

@@ -115,7 +115,7 @@ class EquilibriumPath(Reported):
     [True, False, True]
     """
 
-    _drawing = "ancf_casadi.plot.path_figure"
+    _drawing = "ancf_casadi.figures.equilibria.path_figure"
 
     model: Model
     loads: tuple[Load, ...]

@@ -251,7 +251,7 @@ def _command(name: str, options: argparse.Namespace, column: str | int | None) -
 
 def _figure(recording: Recording, plan: Mapping[str, Any]) -> Figure:
     """Draw the first channels over time, and their spectra."""
-    from ancf_casadi.records.figures import spectra_figure  # matplotlib is slow to import
+    from ancf_casadi.figures.records import spectra_figure  # matplotlib is slow to import
 
     series: list[tuple[str, Array, Array, tuple[Array, Array]]] = []
     for channel in recording.channels:

@@ -301,7 +301,7 @@ def _frequency_errors(
 
 def _profiles(beam: Beam, matched: BeamSpec, ranges: Mapping[str, Array]) -> Figure:
     """Draw the properties that vary along the beam among those that may change, or the first of these."""
-    from ancf_casadi.plot import properties_figure  # slow to import
+    from ancf_casadi.figures.beams import properties_figure  # slow to import
 
     names = [name for name, *_ in ELEMENT_ROWS if name in ranges] or [name for name, *_ in ELEMENT_ROWS]
     along = [name for name in names if np.ptp(getattr(matched, name)) > 0.0] or names[:1]

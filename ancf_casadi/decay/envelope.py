@@ -43,7 +43,7 @@ from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.figures import Figure, drawing
 from ancf_casadi.support.inputs import check_instance, physical
-from ancf_casadi.support.tables import Displayed, Table, counted, spread
+from ancf_casadi.support.tables import Displayed, Table, plural, spread
 
 # Tests that fail: test_the_curve_is_the_equivalent_damping_ratio_at_each_amplitude (WINDOW_PERIODS halved or doubled),
 # test_the_curve_ends_in_the_noise (PIECE_WINDOWS halved), test_stated_errors_are_the_scatter_between_records
@@ -127,7 +127,7 @@ class DampingCurve(Displayed):
         return drawing("ancf_casadi.figures.decays.damping_curve_figure")(self)
 
     def _summary(self) -> str:
-        return f"{counted(len(self.amplitude), 'window')}, amplitude {spread(self.amplitude, self.unit)}"
+        return f"{plural(len(self.amplitude), 'window')}, amplitude {spread(self.amplitude, self.unit)}"
 
 
 @dataclass(frozen=True, eq=False)
@@ -193,7 +193,7 @@ class LawCurve(Displayed):
         }
 
     def _summary(self) -> str:
-        return f"{counted(len(self.amplitude), 'amplitude')}, {spread(self.amplitude, self.unit)}"
+        return f"{plural(len(self.amplitude), 'amplitude')}, {spread(self.amplitude, self.unit)}"
 
 
 def damping_curve(

@@ -28,7 +28,7 @@ from ancf_casadi.records.units import known_unit
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.figures import Figure, drawing
 from ancf_casadi.support.inputs import LARGEST_TIME, array, check_instance, error_prefix, number, physical, whole
-from ancf_casadi.support.tables import Displayed, counted, spread
+from ancf_casadi.support.tables import Displayed, plural, spread
 
 MIN_SAMPLES = 30  # new samples of a record that can be decimated: the length of the filter
 
@@ -328,7 +328,7 @@ class Measurement(Displayed):
         return drawing("ancf_casadi.figures.records.record_figure")(label, self.time, self.values, self.name)
 
     def _summary(self) -> str:
-        phrases = (repr(self.name), counted(len(self.time), "sample"), spread(self.time, "s"), self.sensor.quantity)
+        phrases = (repr(self.name), plural(len(self.time), "sample"), spread(self.time, "s"), self.sensor.quantity)
         return ", ".join((*phrases[not self.name :], *filter(None, [self.sensor.unit])))
 
 

@@ -186,7 +186,7 @@ class Reported(Displayed, ABC):
         return drawing(name)(dict(zip(names, results, strict=True)), **options)
 
 
-def counted(count: int, noun: str) -> str:
+def plural(count: int, noun: str) -> str:
     """Return a count with its noun, such as ``1 mode`` or ``5 modes``."""
     return f"{count} {noun}" if count == 1 else f"{count} {noun}s"
 

@@ -185,7 +185,7 @@ def _text(options: argparse.Namespace, recording: Recording, data: Mapping[str, 
     lines = []
     for axis in times:
         columns = f" of columns {axis['columns']}" if len(times) > 1 else ""
-        lines.append(f"times{columns}: {_sampled(axis)}")
+        lines.append(f"times{columns}: {_sampling(axis)}")
     shown = summaries[:MOST_CHANNELS_SHOWN]
     rows = [
         (
@@ -204,7 +204,7 @@ def _text(options: argparse.Namespace, recording: Recording, data: Mapping[str, 
     return "\n".join([table.text(), *([""] if lines else []), *lines, "", *_advice(options, recording, data["fit"])])
 
 
-def _sampled(times: Mapping[str, Any]) -> str:
+def _sampling(times: Mapping[str, Any]) -> str:
     text = "{samples} from {begin:g} to {end:g} s".format(**times)
     if not math.isfinite(times["rate"]):
         return text

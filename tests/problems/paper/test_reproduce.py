@@ -49,7 +49,7 @@ class TestContents:
 
     def test_a_quick_look_shows_something_of_every_section(self):
         """Of the numbered tables and figures, those of one step are missing, which repeat others with another law."""
-        steps = PAPER.shortened().steps
+        steps = PAPER.shorten().steps
         names = {step.name for step in steps}
         assert [step.section for step in steps if step.section] == [
             step.section for step in PAPER.steps if step.section

@@ -92,14 +92,14 @@ class TestWithACompiler:
         assert len(list(cache.iterdir())) == len(files) + 1
 
     def test_derivatives_need_no_further_library_of_a_function_that_has_none(self, cache):
-        """Regression: a fit compiled the passes that a simulation had compiled before."""
+        """A fit takes the passes that a simulation has compiled."""
         x = cs.MX.sym("x")
         for derivatives in (False, True):
             compile_function(cs.Function("square", [x], [x**2], {"is_diff_in": [False]}), derivatives=derivatives)
         assert len(list(cache.glob("square-*.so"))) == 1
 
     def test_the_compiler_may_be_named_with_options(self, cache, monkeypatch):
-        """Regression: ``CC="gcc -O1"`` was taken as the name of a program, and silently nothing was compiled."""
+        """``CC`` may hold options, as in ``CC="gcc -O1"``."""
         monkeypatch.setenv("CC", f"{shutil.which('gcc') or shutil.which('cc')} -O1 -DSOME='a b'")
         assert is_right(compile_function(a_function()))
         assert len(list(cache.glob("product-*.so"))) == 1
@@ -176,7 +176,7 @@ class TestCache:
 
     @pytest.mark.parametrize("mode", [0o770, 0o707])
     def test_a_library_in_a_folder_that_others_can_write_does_not_run(self, cache, mode):
-        """Regression: the name of a library was enough for it to be loaded."""
+        """A library whose contents differ from the digest in its name is not loaded."""
         for factor in (2.0, 3.0):
             compile_function(a_function(factor))
         two, three = (next(p for p in cache.iterdir() if _factor(p) == factor) for factor in (2.0, 3.0))
@@ -214,7 +214,7 @@ class TestCache:
         assert [path.stat().st_mode & 0o777 for path in cache.iterdir()] == [0o700]
 
     def test_a_user_without_a_home(self, monkeypatch, tmp_path):
-        """Regression: ``Path.home()`` raised RuntimeError."""
+        """Without a home, ``Path.home()`` raises RuntimeError."""
 
         def nobody(_):
             raise KeyError
@@ -234,7 +234,7 @@ class TestCache:
             assert is_right(compile_function(a_function()))
 
     def test_drafts_of_killed_compilers_are_removed(self, cache):
-        """Regression: SIGKILL left drafts for good."""
+        """The next compilation removes what a killed one left."""
         cache.mkdir(mode=0o700)
         for name, age in (("tmpold", 3600.0), ("tmpnew", 1.0)):
             (cache / name).mkdir()
@@ -398,7 +398,7 @@ class TestWithoutACompiler:
         assert len(list(cache.glob("product-*.so"))) == 1
 
     def test_drafts_of_a_compiler_that_is_stopped_go_with_its_folder(self, tmp_path, monkeypatch, cache):
-        """Regression: the drafts stayed in the folder of temporary files."""
+        """Drafts go with the compiler that wrote them."""
         monkeypatch.setenv("CC", fake_compiler(tmp_path, 'touch "$TMPDIR/draft.s"; exit 1'))
         (tmp_path / "temporary").mkdir()
         monkeypatch.setenv("TMPDIR", str(tmp_path / "temporary"))

@@ -11,6 +11,9 @@ because the accelerations at the ends of Radau's steps contain axial vibrations 
 first step takes the first polynomial, and so begins with the rates that are given.  The nodes follow from the slopes as
 sums along the beam (``radau.links``), velocities and accelerations by differentiation.
 
+The powers are integrated when an energy is asked for: those at the stages of Radau's steps by its quadrature, while
+IDAS integrates them with the motion.
+
 A beam on springs begins at a node of its own, whose position follows the polynomial of degree 5 and whose slope is
 treated like the others.  At supports further along the beam, the nodes thus computed miss their places by less than the
 tolerance; these gaps are closed by a displacement that is linear in the arc length.
@@ -19,7 +22,7 @@ tolerance; these gaps are closed by a displacement that is linear in the arc len
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, fields
 from functools import cached_property
 from typing import Any, cast
@@ -31,10 +34,10 @@ import scipy.sparse.linalg
 
 from ancf_casadi.damping import DampingLaw
 from ancf_casadi.dynamics.base_motion import BaseMotion
-from ancf_casadi.dynamics.equations import Equations
-from ancf_casadi.dynamics.excitation import ENERGY_STATES, EXCITATION, SAME_TIME, Excitation, Segment, excitation_pieces
+from ancf_casadi.dynamics.equations import Balance, Equations
+from ancf_casadi.dynamics.excitation import ENERGIES, EXCITATION, SAME_TIME, Excitation, Segment, excitation_pieces
 from ancf_casadi.dynamics.placed_load import TIP
-from ancf_casadi.dynamics.radau.tableau import QUINTIC, RADAU, powers
+from ancf_casadi.dynamics.radau.tableau import QUINTIC, RADAU, STAGES, powers
 from ancf_casadi.dynamics.tip_load import TipLoad
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.model import Model
@@ -112,8 +115,9 @@ class Steps:
     basis: Slopes
     instants: Array  # ends of the steps, and the beginning, (m + 1,), s
     ends: Array  # coordinates, velocities and accelerations there, (m + 1, 3, size)
-    energies: Array  # coefficients of 1, x, x^2, x^3 in the energies since the start of the motion, (m, 4, 3), J
-    stages: Array | None = None  # coordinates at the stages of each of the last steps, (m or less, 3, size)
+    stages: Array | None = None  # coordinates at the stages of each step of Radau, (m, 3, size)
+    work: Array | None = None  # energies that each step of IDAS adds, (m, 3), J
+    first: bool = False  # whether the first step begins with given rates
 
     @cached_property
     def logarithms(self) -> Array:
@@ -123,10 +127,10 @@ class Steps:
         log_z[1:].imag = log_z[:1].imag + np.cumsum(np.angle(z[1:] / z[:-1]), axis=0)  # does not jump by 2 pi
         coefficients = self._through_ends(log_z, z_t / z, z_tt / z - (z_t / z) ** 2)
         result = np.concatenate([coefficients.real, coefficients.imag], axis=2)
-        if self.stages is not None and (count := len(self.stages)):
-            lengths = np.log(np.abs(self.basis.at(self.stages)))
-            start_and_stages = np.concatenate([log_z.real[-1 - count : -1, None], lengths], axis=1).swapaxes(0, 1)
-            result[-count:, :, : z.shape[1]] = _polynomials(STAGE_CUBIC, *start_and_stages)
+        if self.stages is not None:
+            lengths = np.log(np.abs(self.basis.at(self.stages[self.first :])))
+            start_and_stages = np.concatenate([log_z.real[self.first : -1, None], lengths], axis=1).swapaxes(0, 1)
+            result[self.first :, :, : z.shape[1]] = _polynomials(STAGE_CUBIC, *start_and_stages)
         return result
 
     @cached_property
@@ -156,10 +160,6 @@ class Steps:
             z[2] = z[0] * (rates[1] + rates[0] ** 2)
         return z, np.array([(of_order[:, None] @ self.beginning[owners])[:, 0] for of_order in terms])
 
-    def energies_at(self, owners: Index, x: Array) -> Array:
-        """Return the energies (k, 3) at places x in the steps ``owners``."""
-        return np.asarray((x[:, None] ** np.arange(4))[:, None] @ self.energies[owners])[:, 0]
-
 
 @dataclass(frozen=True, eq=False)
 class SegmentSolution:
@@ -168,7 +168,6 @@ class SegmentSolution:
     segment: Segment
     steps: Steps | None  # none if the last step of the segment before reaches beyond this one
     end: State  # the state at the end of the last step
-    energies: Array  # there, since the start of the motion, (3,), J
     count: int  # of the steps of the integrator
 
 
@@ -313,13 +312,48 @@ class DenseMotion(MotionSource):
 
     def energies(self, times: Array) -> Array:
         """Return the energies, see ``MotionSource``."""
-        result = np.empty((times.size, ENERGY_STATES))
-        for steps, chosen, owners, x in self._places(times):
-            result[chosen] = steps.energies_at(owners, x)
+        result = np.empty((times.size, ENERGIES))
+        for k, chosen, owners, x in self._places(times):
+            result[chosen] = ((x[:, None] ** np.arange(4))[:, None] @ self._energies[k][owners])[:, 0]
         return result
 
-    def _places(self, times: Array) -> Iterator[tuple[Steps, Index, Index, Array]]:
-        """Yield steps, the indices of instants within them, the numbers of their steps, and their places there."""
+    @cached_property
+    def _energies(self) -> list[Array]:
+        """Coefficients of 1, x, x^2, x^3 in the energies since the start in each of ``steps``, (m, 4, 3), J."""
+        mass = self.model.mass(self.model.properties).sparse()
+        total, result, velocities = np.zeros(ENERGIES), [], None
+        for steps in self.steps:
+            if velocities is not None:  # the base supplies the energy of an impact, if its velocity jumps
+                after = steps.ends[0, 1]
+                total[1] += (after @ (mass @ after) - velocities @ (mass @ velocities)) / 2
+            added = self._added_energies(steps)
+            ends = total + np.cumsum(added.sum(axis=1), axis=0)
+            result.append(np.concatenate([np.vstack([total, ends[:-1]])[:, None], added], axis=1))
+            total, velocities = ends[-1], steps.ends[-1, 1]
+        return result
+
+    def _added_energies(self, steps: Steps) -> Array:
+        """Return the coefficients of x, x^2, x^3 in the energies that each step adds, (m, 3, 3), J."""
+        h = np.diff(steps.instants)
+        if steps.stages is None:
+            added = np.zeros((h.size, STAGES, ENERGIES))
+            added[:, 0] = steps.work
+            return added
+        model, stages = self.model, steps.stages.reshape(-1, self.model.size).T
+        times = (steps.instants[:-1, None] + h[:, None] * RADAU.nodes).ravel()
+        excitation = self._excitation(times, EXCITATION).T
+        q, v = (model.of_free(steps.ends[:-1, order].T)[:, :, None] for order in range(2))
+        rates = (model.of_free(stages).reshape(-1, h.size, STAGES) - q) @ RADAU.inverse.T / h[:, None]
+        changes = (rates - v) @ RADAU.inverse.T / h[:, None]
+        e_t, e_tt = (
+            model.whole(x.reshape(-1, times.size), excitation[NODE * k : NODE * (k + 1)])
+            for k, x in enumerate((rates, changes), start=1)
+        )
+        powers = self._powers(stages, e_t, e_tt, excitation[3 * NODE :]).full().reshape(ENERGIES, h.size, STAGES)
+        return np.asarray(np.einsum("ems,cs,m->mce", powers, RADAU.integral, h))
+
+    def _places(self, times: Array) -> Iterator[tuple[int, Index, Index, Array]]:
+        """Yield the number of some steps, the indices of instants within them, their steps, and their places there."""
         if not times.size:
             return
         slack = SAME_TIME * (self.instants[-1] - self.instants[0])
@@ -330,13 +364,13 @@ class DenseMotion(MotionSource):
             for chosen in np.array_split(inside, inside.size // INSTANTS_TOGETHER + 1):
                 owners = np.searchsorted(steps.instants[1:-1], times[chosen])
                 x = (times[chosen] - steps.instants[owners]) / np.diff(steps.instants)[owners]
-                yield steps, chosen, owners, x
+                yield k, chosen, owners, x
 
     def _parts(self, times: Array, orders: int) -> Iterator[tuple[Index, Array, Array]]:
         """Yield the indices of some instants, what is known of the base, (orders, j, 2 or 3), and the slopes."""
         bases = self._base_nodes(times, orders)
-        for steps, chosen, owners, x in self._places(times):
-            slopes, beginning = steps.slopes(owners, x, orders)
+        for k, chosen, owners, x in self._places(times):
+            slopes, beginning = self.steps[k].slopes(owners, x, orders)
             yield chosen, np.concatenate([bases[:, chosen], beginning], axis=2), slopes
 
     def _base_nodes(self, times: Array, orders: int) -> Array:
@@ -371,11 +405,20 @@ class DenseMotion(MotionSource):
     @cached_property
     def _base_force(self) -> cs.Function:
         """(e, e_t, e_tt, load) -> the generalized force of the base."""
+        return self._function(Balance.on_base)
+
+    @cached_property
+    def _powers(self) -> cs.Function:
+        """(e, e_t, e_tt, load) -> the powers lost to damping and supplied by base and load."""
+        return self._function(Balance.powers)
+
+    def _function(self, term: Callable[..., cs.MX]) -> cs.Function:
+        """Return a term of the balance of forces as a Function of motion and load."""
         equations = Equations(self.model, self.law, compile_together, TIP if self.load is None else self.load.place)
         e, e_t, e_tt = (cs.MX.sym(name, self.model.size) for name in ("e", "e_t", "e_tt"))
-        load, parameters = cs.MX.sym("load", NODE), cs.MX(cs.DM(equations.parameters))
-        force = equations.balance(parameters).on_base(e, e_t, e_tt, load)
-        return cs.Function("base_force", [e, e_t, e_tt, load], [force], {"is_diff_in": [False] * 4})
+        load, balance = cs.MX.sym("load", NODE), equations.balance(cs.MX(cs.DM(equations.parameters)))
+        values = cs.densify(term(balance, e, e_t, e_tt, load))
+        return cs.Function(term.__name__, [e, e_t, e_tt, load], [values], {"is_diff_in": [False] * 4})
 
     def _close_supports(self, motion: Array, times: Array) -> Array:
         """Return coordinates and so on, (orders, k, size), whose nodes at the supports are in their places."""

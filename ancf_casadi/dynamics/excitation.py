@@ -29,7 +29,7 @@ from ancf_casadi.support.arrays import Array
 
 NO_LOAD = HarmonicLoad((0.0, 0.0), 1.0)
 EXCITATION = 3 * NODE + LOAD_SIZE + 1  # components of the excitation
-ENERGY_STATES = 3  # integrated with the motion: lost to damping, work of the base, work of the tip load
+ENERGIES = 3  # lost to damping, work of the base, work of the load
 SAME_TIME = 1e-9  # instants are the same if they differ by less than this fraction of a sampling interval or step
 
 

@@ -42,7 +42,7 @@ import scipy.sparse.linalg
 
 from ancf_casadi.dynamics.dense_output import SegmentSolution, Slopes, Steps
 from ancf_casadi.dynamics.equations import Balance, Equations, scaled_matrix
-from ancf_casadi.dynamics.excitation import ENERGY_STATES, EXCITATION, Excitation, Segment
+from ancf_casadi.dynamics.excitation import EXCITATION, Excitation, Segment
 from ancf_casadi.exceptions import InputError, SimulationError
 from ancf_casadi.mechanics.nodes import NODE
 from ancf_casadi.mechanics.state import State
@@ -176,7 +176,6 @@ def integrate_by_idas(
     equations: Equations,
     piece: Excitation,
     start: State,
-    work: Array,
     segments: Sequence[Segment],
     tolerance: float,
     largest_step: float,
@@ -220,12 +219,9 @@ def integrate_by_idas(
         unknowns = np.vstack([z0, result["zf"].full().T])
         motions = samples(states.T, unknowns.T, np.linspace(0.0, 1.0, segment.points + 1)[None, :], p)
         ends = np.array([columns.full().T for columns in motions]).swapaxes(0, 1)
-        energies = work + np.vstack([np.zeros(ENERGY_STATES), result["qf"].full().T])
-        coefficients = np.zeros((segment.points, 4, ENERGY_STATES))
-        coefficients[:, 0], coefficients[:, 1] = energies[:-1], np.diff(energies, axis=0)
-        steps, work = Steps(slopes, segment.instants, ends, coefficients), energies[-1]
+        steps = Steps(slopes, segment.instants, ends, work=np.diff(result["qf"].full().T, axis=0, prepend=0.0))
         end = State(ends[-1, 0], ends[-1, 1], segment.end)
-        yield SegmentSolution(segment, steps, end, work, int(run.stats()["nsteps"]))
+        yield SegmentSolution(segment, steps, end, int(run.stats()["nsteps"]))
         x0 = states[-1]
 
 

@@ -27,7 +27,7 @@ from tqdm import tqdm
 from ancf_casadi.damping import DampingLaw
 from ancf_casadi.dynamics.base_motion import BaseMotion
 from ancf_casadi.dynamics.dense_output import DenseMotion, SegmentSolution
-from ancf_casadi.dynamics.excitation import ENERGY_STATES, Excitation, divide
+from ancf_casadi.dynamics.excitation import divide
 from ancf_casadi.dynamics.idas import integrate_by_idas
 from ancf_casadi.dynamics.radau.collocation import Collocation, first_equal
 from ancf_casadi.dynamics.radau.stepper import integrate_by_radau
@@ -37,7 +37,6 @@ from ancf_casadi.dynamics.tolerance import default_tolerance
 from ancf_casadi.dynamics.trajectory import IntegratorUse, Trajectory
 from ancf_casadi.exceptions import InputError, SimulationError
 from ancf_casadi.mechanics.model import Model
-from ancf_casadi.mechanics.nodes import NODE
 from ancf_casadi.mechanics.state import State
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.compilation import compile_together
@@ -190,32 +189,22 @@ def _integrate(
     setup: MotionSetup, use: IntegratorUse, largest_step: float, options: Mapping[str, Any]
 ) -> Iterator[SegmentSolution]:
     """Integrate a motion, and yield the solution on each time segment."""
-    state, work, form = setup.start, np.zeros(ENERGY_STATES), Collocation(setup.equations)
+    state, form = setup.start, Collocation(setup.equations)
     if use.method == "radau":
         form = first_equal(form)
     for piece in setup.pieces:
-        if piece is not setup.pieces[0]:
-            work = work + _impact_work(setup.equations.model, state, piece)
         rate = setup.sample_rate
         points = max(1, math.ceil((piece.end - piece.begin) * rate / SEGMENTS))
         samples = min(points, 250)  # samples per segment
         segments = list(divide(piece.begin, piece.end, setup.pieces[0].begin, rate, samples))
-        settings = piece, state, work, segments, use.tolerance, min(largest_step, piece.largest_step)
+        settings = piece, state, segments, use.tolerance, min(largest_step, piece.largest_step)
         if use.method == "idas":
             solutions = integrate_by_idas(setup.equations, *settings, options)
         else:
             solutions = integrate_by_radau(form, setup.equations.parameters, *settings)
         for solution in solutions:
-            state, work = solution.end, solution.energies
+            state = solution.end
             yield solution
-
-
-def _impact_work(model: Model, state: State, piece: Excitation) -> Array:
-    """Return the energies (3,), J, of an impact: a velocity jump of the clamped node where a piece begins."""
-    mass = model.mass(model.properties).sparse()
-    after = model.whole(model.of_free(state.velocities), piece.at(piece.begin)[NODE : 2 * NODE])
-    before, behind = (float(velocities @ (mass @ velocities) / 2) for velocities in (state.velocities, after))
-    return np.array([0.0, behind - before, 0.0])
 
 
 def _check_steps(done: Sequence[SegmentSolution], most_steps: int, used: str) -> None:
@@ -248,9 +237,11 @@ def _trajectory(setup: MotionSetup, use: IntegratorUse, done: Sequence[SegmentSo
 
 def _warn_of_energy_gain(run: Trajectory, law: DampingLaw) -> None:
     """Warn if the damping law has added more energy to a motion than the error of the energy balance."""
+    if law.dissipative:
+        return
     lost = run.dissipated_energy
     gained = np.maximum.accumulate(lost) - lost
-    if law.dissipative or not gained.any() or gained.max() <= np.abs(run.balance_error).max():
+    if not gained.any() or gained.max() <= np.abs(run.balance_error).max():
         return
     end = int(gained.argmax())
     begin = int(lost[: end + 1].argmax())

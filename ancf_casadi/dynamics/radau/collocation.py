@@ -113,17 +113,14 @@ class Collocation:
 
     @cached_property
     def finish(self) -> cs.Function:
-        """(``_symbols``, a, nodes) -> nodes, q, v and a at the end (N, 3), norm of the error, energies.
+        """(``_symbols``, a, nodes) -> nodes, q, v and a at the end (N, 3), norm of the error.
 
-        ``nodes`` (16, nodes) are all coordinates at the start and the stages, of the last step and of this one.  The
-        energies (3, 4) have the coefficients of x, x^2 and x^3 in those added within the step, and their sum, from
-        ``Balance.powers``.
+        ``nodes`` (16, nodes) are all coordinates at the start and the stages, of the last step and of this one.
         """
         s, a = self._symbols, cs.MX.sym("a", self.equations.free)
         nodes = cs.MX.sym("nodes", NODE * (STAGES + 1), self.links.count + 1)
         increments, _, *motion = self._advance()
         all_nodes = self._whole(motion)
-        powers = self._balance.powers(all_nodes[0], all_nodes[1], all_nodes[2], s.excitations[3 * NODE :, :])
         v, last, twice = self.links.places(s.v), RADAU.inverse[-1], RADAU.inverse[-1] @ RADAU.inverse
         velocity = _combination(last, increments) / s.h
         acceleration = (_combination(twice, increments) / s.h - last.sum() * v) / s.h
@@ -134,7 +131,6 @@ class Collocation:
             self.links.nodes(nodes[-NODE:, :], s.excitations[:NODE, :], motion[0]),
             cs.horzcat(*end),
             size,
-            s.h * powers @ cs.DM(np.column_stack([RADAU.integral.T, RADAU.integral.sum(axis=0)])),
         ]
         return _function("finish", [*vars(s).values(), a, nodes], outputs)
 

@@ -8,8 +8,7 @@ decay, and the steps adapt to the other modes.  ``collocation`` states the equat
     accepted        if the error of positions and slopes is within the tolerance, else repeated,
     kept            as polynomials, which give the motion at all instants (``dense_output``).
 
-The error estimate does not include the velocities.  The powers lost to damping and supplied by the base and the tip
-load are integrated by the quadrature of the stages.
+The error estimate does not include the velocities.
 """
 
 from __future__ import annotations
@@ -22,7 +21,7 @@ import casadi as cs
 import numpy as np
 
 from ancf_casadi.dynamics.dense_output import SegmentSolution, Slopes, Steps
-from ancf_casadi.dynamics.excitation import ENERGY_STATES, SAME_TIME, Excitation, Segment
+from ancf_casadi.dynamics.excitation import SAME_TIME, Excitation, Segment
 from ancf_casadi.dynamics.radau.collocation import Collocation
 from ancf_casadi.dynamics.radau.newton import Newton, StepControl
 from ancf_casadi.dynamics.radau.tableau import RADAU, STAGES
@@ -40,30 +39,26 @@ def integrate_by_radau(
     parameters: Array,
     piece: Excitation,
     start: State,
-    work: Array,
     segments: Sequence[Segment],
     tolerance: float,
     largest_step: float,
 ) -> Iterator[SegmentSolution]:
     """Integrate over a smooth piece of the excitation, and yield the solution on each of its consecutive segments."""
-    stepper = Stepper(form, parameters, piece, start, tolerance, largest_step, work)
+    stepper = Stepper(form, parameters, piece, start, tolerance, largest_step)
     slopes = Slopes(form.equations.model)
     for segment in segments:
         ends = [stepper.end, *(stepper.end for _ in stepper.steps_to(segment.end))]
         count = len(ends) - 1
         steps = _step_polynomials(slopes, ends, first=stepper.steps == count) if count else None
-        yield SegmentSolution(segment, steps, stepper.state, stepper.work, count)
+        yield SegmentSolution(segment, steps, stepper.state, count)
 
 
-def _step_polynomials(
-    slopes: Slopes, step_ends: Sequence[tuple[float, Array, Array, Array, Array, Array]], *, first: bool
-) -> Steps:
+def _step_polynomials(slopes: Slopes, step_ends: Sequence[tuple[float, Array, Array, Array]], *, first: bool) -> Steps:
     """Return the steps between ends as of ``Stepper.end``; ``first``: whether the first one begins the piece."""
-    instants, free, bases, nodes, energies, added = (np.array(values) for values in zip(*step_ends, strict=True))
+    instants, free, bases, nodes = (np.array(values) for values in zip(*step_ends, strict=True))
     ends = slopes.model.whole(np.moveaxis(free, -1, 0), np.moveaxis(bases.reshape(-1, 3, NODE), -1, 0))
-    energies = np.concatenate([energies[1:, None], added[1:]], axis=1)
-    stages = np.moveaxis(nodes[1 + first :, :, 1:], 1, 2)
-    return Steps(slopes, instants, np.moveaxis(ends, 0, -1), energies, stages.reshape(*stages.shape[:2], -1))
+    stages = np.moveaxis(nodes[1:, :, 1:], 1, 2).reshape(len(nodes) - 1, STAGES, -1)
+    return Steps(slopes, instants, np.moveaxis(ends, 0, -1), stages, first=first)
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,8 +78,7 @@ class Stepper:
     """Integration over a smooth piece of the excitation, one step at a time.
 
     ``now`` is the end of the last step, s; ``steps`` counts the accepted steps.  The parameters are those of the
-    equation of motion, in place of the nominal ones of ``form``; ``start`` is the state at the beginning of the piece,
-    and ``work`` are the energies there.
+    equation of motion, in place of the nominal ones of ``form``; ``start`` is the state at the beginning of the piece.
     The tolerance is the local error of the positions relative to the length of the beam, and of the slopes relative to
     1/2.
     """
@@ -97,15 +91,10 @@ class Stepper:
         start: State,
         tolerance: float,
         largest_step: float = math.inf,
-        work: Array | None = None,
     ) -> None:
         model, first = form.equations.model, piece.at(piece.begin)
         self.now, self.steps = piece.begin, 0
         self._form, self._piece, self._largest_step, self._control = form, piece, largest_step, StepControl()
-        # energies at the start of the last step; coefficients of x, x^2 and x^3 in those added within it, and their sum
-        self._energies = np.zeros(ENERGY_STATES) if work is None else work
-        self._added = np.zeros((STAGES + 1, ENERGY_STATES))
-
         self.newton = arrays = Newton(form, parameters, tolerance)
         arrays.excitations[:] = first
         q, v, a = arrays.end
@@ -136,21 +125,14 @@ class Stepper:
         return RadauStep(self.now - h, h, q, v, a, free - q, newton.excitations.copy())
 
     @property
-    def end(self) -> tuple[float, Array, Array, Array, Array, Array]:
-        """State, stages and energies of the last step, as a result keeps them.
+    def end(self) -> tuple[float, Array, Array, Array]:
+        """State and stages of the last step, as a result keeps them.
 
         Its end, s; q, v and a there, (3, N), and the motion of the base, (12,); the coordinates at its start and its
-        stages, (nodes, 4, 4); the energies at its start, (3,), J, and the coefficients of x, x^2 and x^3 in those that
-        it adds.
+        stages, (nodes, 4, 4).
         """
         newton = self.newton
-        copies = newton.end.copy(), newton.excitations[-1, : 3 * NODE].copy(), newton.nodes.copy()
-        return self.now, *copies, self._energies, self._added[:-1]
-
-    @property
-    def work(self) -> Array:
-        """The energies at the end of the last step, (3,), J."""
-        return np.asarray(self._energies + self._added[-1])
+        return self.now, newton.end.copy(), newton.excitations[-1, : 3 * NODE].copy(), newton.nodes.copy()
 
     def steps_to(self, instant: float) -> Iterator[None]:
         """Take steps until an instant is passed."""
@@ -176,14 +158,13 @@ class Stepper:
             if not iterations:
                 control = control.after_failure(h, old_matrices=keeps_matrices)
                 continue
-            nodes, end, norm, added = self._finish()
+            nodes, end, norm = self._finish()
             error = norm.item()
             if error <= 1.0:
                 break
             control = control.after_error(h, error, iterations)
 
         self._control = control.after_step(h, error, iterations, newton.contraction, self._largest_step)
-        self._energies, self._added = self.work, added.reshape(self._added.shape).copy()
         newton.start[:] = newton.end
         newton.end[:], newton.nodes[:] = end.reshape(newton.end.shape), nodes.reshape(newton.nodes.shape)
         self.now += h

@@ -177,7 +177,13 @@ def undamped() -> Iterator[str]:
 
 def backbone() -> Iterator[str]:
     """Frequency of mode 1 against amplitude."""
-    yield row("gravity", "method, tolerance", "tip amplitude / $L$", r"$\omega/\omega_{\mathrm{linear}} - 1$", "the same over $(A/L)^2$")
+    yield row(
+        "gravity",
+        "method, tolerance",
+        "tip amplitude / $L$",
+        r"$\omega/\omega_{\mathrm{linear}} - 1$",
+        "the same over $(A/L)^2$",
+    )
     yield rule(5)
     for name, changes, across in (("none", WEIGHTLESS, 1), ("hanging", {}, 0)):
         modes = natural_modes(Model(Beam.uniform(**{**BEAM, **changes, "elements": 8})), count=6)

@@ -30,7 +30,6 @@ exclude_patterns = ["_build"]
 smartquotes_action = "D"  # dashes alone: an apostrophe may be a derivative
 
 myst_enable_extensions = ["colon_fence", "dollarmath"]
-myst_dmath_allow_digits = False
 html_math_renderer = "mathml"
 myst_heading_anchors = 4
 

@@ -1,5 +1,7 @@
 r"""Write the formulas of the site as MathML, which browsers show without a script and without a network.
 
+Numbers such as 2.5e-6 stay on one line, which browsers would break at the hyphen.
+
 The pages hold LaTeX between dollar signs, which hosting services of repositories show as well.  A displayed formula
 states its number in the paper as ``\tag{6}``, and is then the target ``#equation-6``.
 """
@@ -17,7 +19,7 @@ from sphinx.util.logging import getLogger
 from sphinx.writers.html5 import HTML5Translator
 
 CONVERTER = LatexToMathML(fancy_error=False)
-WORD_JOINER = "\u2060"
+NUMBER = re.compile(r"([-+]?\d+(?:\.\d+)?e-\d+)")
 TAG = re.compile(r"\s*\\tag\{([^}]+)\}")
 
 
@@ -42,11 +44,8 @@ def write(translator: HTML5Translator, node: nodes.Element, latex: str, *, displ
 
 
 def visit_math(translator: HTML5Translator, node: nodes.math) -> None:
-    """Write a formula within a line, which does not break between the formula and punctuation after it."""
+    """Write a formula within a line."""
     write(translator, node, node.astext(), display=False)
-    following = node.next_node(nodes.Text, descend=False, siblings=True)
-    if following is not None and following.astext()[:1] in tuple(",.;:)"):
-        translator.body.append(WORD_JOINER)
     raise nodes.SkipNode
 
 
@@ -60,7 +59,44 @@ def visit_math_block(translator: HTML5Translator, node: nodes.math_block) -> Non
     raise nodes.SkipNode
 
 
+def keep_numbers_whole(doctree: nodes.document) -> None:
+    """Let no line break within a number with a negative exponent, and warn of formulas that were not read as such."""
+    for text in list(doctree.findall(nodes.Text)):
+        if isinstance(text.parent, nodes.literal | nodes.FixedTextElement | nodes.math):
+            continue
+        if "$" in text:
+            getLogger(__name__).warning("a dollar sign without a formula: %r", text.astext(), location=text.parent)
+        parts = NUMBER.split(text.astext())
+        if len(parts) > 1:
+            text.parent.replace(
+                text, [whole(nodes.Text(part)) if k % 2 else nodes.Text(part) for k, part in enumerate(parts)]
+            )
+
+
+def keep_punctuation(doctree: nodes.document) -> None:
+    """Let no line break between a formula and the punctuation beside it."""
+    for formula in list(doctree.findall(nodes.math)):
+        parent, place = formula.parent, formula.parent.index(formula)
+        before, after = parent[place - 1] if place else None, parent[place + 1] if place + 1 < len(parent) else None
+        opening = re.search(r"[(/]*\Z", before) if isinstance(before, nodes.Text) else None
+        closing = re.match(r"[,.;:)/]*", after) if isinstance(after, nodes.Text) else None
+        pieces = [nodes.Text(found[0]) if found else nodes.Text("") for found in (opening, closing)]
+        if any(pieces):
+            parent.replace(formula, whole(pieces[0], formula.deepcopy(), pieces[1]))
+            if opening:
+                parent.replace(before, nodes.Text(before[: opening.start()]))
+            if closing:
+                parent.replace(after, nodes.Text(after[closing.end() :]))
+
+
+def whole(*parts: nodes.Node) -> nodes.inline:
+    """Return parts of a line as an element whose style has no line breaks."""
+    return nodes.inline("", "", *parts, classes=["whole"])
+
+
 def setup(app: Sphinx) -> dict[str, Any]:
-    """Register the renderer ``mathml``."""
+    """Register the renderer ``mathml``, and where lines must not break."""
+    app.connect("doctree-read", lambda app, doctree: keep_numbers_whole(doctree))
+    app.connect("doctree-read", lambda app, doctree: keep_punctuation(doctree))
     app.add_html_math_renderer("mathml", (visit_math, None), (visit_math_block, None))
     return {"parallel_read_safe": True, "parallel_write_safe": True}

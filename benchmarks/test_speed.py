@@ -20,7 +20,7 @@ from ancf_casadi import (
 )
 from ancf_casadi.dynamics.equations import Equations
 from ancf_casadi.dynamics.idas import SemiExplicit
-from ancf_casadi.support.compilation import compiled, interpreted
+from ancf_casadi.support.compilation import compile_function, expand_function
 from benchmarks.beams import DAMPING_RATIOS, steel
 from problems import match_frequencies
 from tests.problems.paper import numbers as paper
@@ -61,7 +61,7 @@ def test_model_with_all_that_simulate_needs(benchmark):
         beam = model()
         natural_modes(beam)
         equations = SemiExplicit(Equations(beam, RayleighDamping(alpha=0.228, beta=3.18e-5)))
-        return interpreted(equations.residual), interpreted(equations.powers)
+        return expand_function(equations.residual), expand_function(equations.powers)
 
     residual, _ = benchmark(build)
     assert residual.size1_in(0) == 160
@@ -99,7 +99,7 @@ def test_fine_meshes(benchmark, name, elements):
     assert run.steps > 0
 
 
-@pytest.mark.parametrize("make", [interpreted, compiled])
+@pytest.mark.parametrize("make", [expand_function, compile_function])
 def test_equations_of_motion(benchmark, make):
     """One evaluation of the residual, 20 elements."""
     equations = SemiExplicit(Equations(model(), RayleighDamping(alpha=0.228, beta=3.18e-5)))

@@ -14,7 +14,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from ancf_casadi import Beam, Model, PointLoad, RayleighDamping, Sensor, Trajectory, simulate
-from ancf_casadi.plot import figure_bytes
+from ancf_casadi.figures.files import figure_bytes
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.figures import COMPUTED, MEASURED
 from problems import BeamFit, FrequencyRecord, MarkerRecord, StaticRecord, fit_beam, fit_decay

@@ -11,7 +11,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from ancf_casadi import HarmonicBase, ModalDamping, Model, natural_modes, simulate
-from ancf_casadi.plot import figure_bytes
+from ancf_casadi.figures.files import figure_bytes
 from ancf_casadi.support.figures import MEASURED, plain_log_ticks
 from problems.paper.inputs import STANDARD_BEAM
 from problems.study.drawing import series

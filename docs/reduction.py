@@ -71,14 +71,14 @@ def weightless() -> Model:
     return Model(Beam.uniform(**BEAM, **WEIGHTLESS, elements=20))
 
 
-def counted(modes: int) -> str:
+def plural(modes: int) -> str:
     """Return the heading of a column."""
     return f"{modes} mode" + "s" * (modes > 1)
 
 
 def mode_1() -> Iterator[str]:
     """Frequency of mode 1 as a function of its amplitude, minus the exact value, without gravity."""
-    yield row("tip amplitude / $L$", f"exact {RATIO}", *(counted(m) for m in KEPT))
+    yield row("tip amplitude / $L$", f"exact {RATIO}", *(plural(m) for m in KEPT))
     yield rule(2 + len(KEPT))
     models = [reduce_model(weightless(), modes=m) for m in KEPT]
     for amplitude, exact in EXACT.items():
@@ -88,7 +88,7 @@ def mode_1() -> Iterator[str]:
 
 def release() -> Iterator[str]:
     """Error of the tip after a release, over five periods, relative to the amplitude."""
-    yield row("mode", "tip amplitude / $L$", *(counted(m) for m in KEPT), "12 modes, 41 slope points")
+    yield row("mode", "tip amplitude / $L$", *(plural(m) for m in KEPT), "12 modes, 41 slope points")
     yield rule(3 + len(KEPT))
     model = weightless()
     modes = natural_modes(model)
@@ -115,7 +115,7 @@ def release() -> Iterator[str]:
 def shaken() -> Iterator[str]:
     """Error of the tip of the hanging beam relative to L: mode 1 is driven for 1.5 s and then decays for 1.5 s."""
     model = Model(Beam.uniform(**BEAM, elements=20))
-    yield row("base amplitude, mm", "tip amplitude / $L$", *(counted(m) for m in KEPT))
+    yield row("base amplitude, mm", "tip amplitude / $L$", *(plural(m) for m in KEPT))
     yield rule(2 + len(KEPT))
     for amplitude in (1e-3, 5e-3, 20e-3):
         settings: dict[str, Any] = {
@@ -133,7 +133,7 @@ def shaken() -> Iterator[str]:
 
 def hardened() -> Iterator[str]:
     """Error of the frequency ratio of mode 1 between ends that do not move; A is the amplitude in the middle."""
-    yield row("ends", "$A/r$", RATIO, *(counted(m) for m in KEPT[:3]))
+    yield row("ends", "$A/r$", RATIO, *(plural(m) for m in KEPT[:3]))
     yield rule(3 + len(KEPT[:3]))
     radius = LENGTH / 1000  # of gyration
     for name, support in (("pinned", Pin), ("clamped", Clamp)):

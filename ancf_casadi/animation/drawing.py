@@ -24,9 +24,9 @@ from matplotlib.patheffects import withStroke
 from PIL import Image
 
 from ancf_casadi.animation.footage import Footage
-from ancf_casadi.beam_symbols import draw_gravity, draw_symbols
+from ancf_casadi.figures.beams import draw_plane, line_styles
+from ancf_casadi.figures.symbols import draw_gravity, draw_symbols
 from ancf_casadi.mechanics.model import Model
-from ancf_casadi.plot import draw_plane, line_styles
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.figures import MEASURED, literal_text
 from ancf_casadi.support.progress import count_step

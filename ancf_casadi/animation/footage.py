@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.inputs import array, number, physical, vector
-from ancf_casadi.support.tables import Displayed, counted, spread
+from ancf_casadi.support.tables import Displayed, plural, spread
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,4 +93,4 @@ class Footage(Displayed):
         return np.asarray(self.origin + array(positions, "positions", finite=False) @ np.array([[c, -s], [-s, -c]]))
 
     def _summary(self) -> str:
-        return f"{counted(len(self.images), 'picture')}, {spread(np.asarray(self.time), 's')}, {self.scale:.4g} m/pixel"
+        return f"{plural(len(self.images), 'picture')}, {spread(np.asarray(self.time), 's')}, {self.scale:.4g} m/pixel"

@@ -34,8 +34,8 @@ from ancf_casadi.animation.drawing import DrawnBeam, Film, pictures
 from ancf_casadi.animation.footage import Footage
 from ancf_casadi.dynamics.trajectory import Motion
 from ancf_casadi.exceptions import InputError
+from ancf_casadi.figures.modes import SHAPE_SHARE, scaled_shape
 from ancf_casadi.mechanics.nodes import NODE
-from ancf_casadi.plot import SHAPE_SHARE, scaled_shape
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.figures import COMPUTED, MEASURED, SERIES
 from ancf_casadi.support.files import fill_template

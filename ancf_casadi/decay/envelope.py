@@ -41,9 +41,9 @@ from ancf_casadi.decay.spectrum import MIN_WINDOW_SAMPLES, strongest_peak, typic
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.support.arrays import Array
-from ancf_casadi.support.figures import COMPUTED, MEASURED, Axes, Figure, literal_text, si_prefix
+from ancf_casadi.support.figures import Figure, drawing
 from ancf_casadi.support.inputs import check_instance, physical
-from ancf_casadi.support.tables import Displayed, Table, counted, spread
+from ancf_casadi.support.tables import Displayed, Table, plural, spread
 
 # Tests that fail: test_the_curve_is_the_equivalent_damping_ratio_at_each_amplitude (WINDOW_PERIODS halved or doubled),
 # test_the_curve_ends_in_the_noise (PIECE_WINDOWS halved), test_stated_errors_are_the_scatter_between_records
@@ -122,17 +122,12 @@ class DampingCurve(Displayed):
         )  # fmt: skip
         return Table("damping_curve", "Damping against amplitude", columns, np.column_stack(series).tolist())
 
-    @literal_text
     def figure(self) -> Figure:
         """Draw damping ratio and frequency against amplitude, with 95 % intervals."""
-        from matplotlib.figure import Figure  # slow to import
-
-        figure = Figure(figsize=(8, 3.4), layout="constrained")
-        draw_against_amplitude(figure.subplots(1, 2), self, None)
-        return figure
+        return drawing("ancf_casadi.figures.decays.damping_curve_figure")(self)
 
     def _summary(self) -> str:
-        return f"{counted(len(self.amplitude), 'window')}, amplitude {spread(self.amplitude, self.unit)}"
+        return f"{plural(len(self.amplitude), 'window')}, amplitude {spread(self.amplitude, self.unit)}"
 
 
 @dataclass(frozen=True, eq=False)
@@ -198,28 +193,7 @@ class LawCurve(Displayed):
         }
 
     def _summary(self) -> str:
-        return f"{counted(len(self.amplitude), 'amplitude')}, {spread(self.amplitude, self.unit)}"
-
-
-def draw_against_amplitude(axes: Sequence[Axes], points: DampingCurve | None, law: LawCurve | None) -> None:
-    """Draw damping ratio and frequency against amplitude: points with 95 % intervals, and a law with its band."""
-    curves = [curve for curve in (points, law) if curve is not None]
-    size, unit = si_prefix(max(float(curve.amplitude.max()) for curve in curves), curves[0].unit)
-    for ax, name, scale, label in zip(
-        axes, ("damping_ratio", "frequency"), (100.0, 1.0), ("damping ratio, %", "frequency, Hz"), strict=True
-    ):
-        if law is not None:
-            low, high = scale * getattr(law, f"{name}_band").T
-            ax.fill_between(law.amplitude / size, low, high, color=COMPUTED, alpha=0.25, lw=0)
-            ax.plot(law.amplitude / size, scale * getattr(law, name), lw=1.2, color=COMPUTED, label="law, 95 % band")
-        if points is not None:  # those that noise leaves clear; the others would set the scale
-            errors = points.damping_ratio_errors
-            clear = errors <= max(np.median(np.abs(points.damping_ratio)), 3 * errors.min())
-            value, error = scale * getattr(points, name), 1.96 * scale * getattr(points, f"{name}_errors")
-            ax.errorbar(points.amplitude[clear] / size, value[clear], yerr=error[clear], fmt="o", ms=2.5, lw=0.7,
-                        color=MEASURED, label="windows", zorder=1)  # fmt: skip
-        ax.set(xlabel=f"amplitude, {unit}", ylabel=label, xlim=(0.0, None))
-        ax.ticklabel_format(axis="y", useOffset=False)
+        return f"{plural(len(self.amplitude), 'amplitude')}, {spread(self.amplitude, self.unit)}"
 
 
 def damping_curve(

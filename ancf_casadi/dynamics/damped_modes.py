@@ -46,7 +46,7 @@ from ancf_casadi.support.arrays import Array, ComplexArray
 from ancf_casadi.support.banded import BandedFactors, sparse
 from ancf_casadi.support.inputs import check_instance, instances, positive, whole
 from ancf_casadi.support.interrupts import lasting_interrupts
-from ancf_casadi.support.tables import Displayed, Reported, Table, counted
+from ancf_casadi.support.tables import Displayed, Reported, Table, plural
 from ancf_casadi.vibration.assembly import BANDWIDTH
 from ancf_casadi.vibration.eigensolver import eigenvalue_rounding, eigenvalue_shift
 from ancf_casadi.vibration.equilibrium import Equilibrium
@@ -79,7 +79,7 @@ class DampedModes(Reported):
     (array([ 1.88, 10.58]), array([0.034, 0.006]), True)
     """
 
-    _drawing = "ancf_casadi.plot.damped_modes_figure"
+    _drawing = "ancf_casadi.figures.modes.damped_modes_figure"
 
     equilibrium: Equilibrium
     eigenvalues: ComplexArray
@@ -124,7 +124,7 @@ class DampedModes(Reported):
         }
 
     def _summary(self) -> str:
-        return f"{counted(self.count, 'mode')}, {'stable' if self.is_stable else 'unstable'}"
+        return f"{plural(self.count, 'mode')}, {'stable' if self.is_stable else 'unstable'}"
 
 
 @lasting_interrupts()
@@ -175,7 +175,7 @@ def damped_modes(
     upper = np.concatenate([np.flatnonzero(still)[::2], np.flatnonzero(~still & (s.imag >= 0.0))])
     order = upper[np.argsort(np.abs(s[upper]), kind="stable")][:count]
     shapes = vectors[: model.freedoms]
-    return DampedModes(equilibrium_at_rest, s[order], model.moved(shapes[:, order]))
+    return DampedModes(equilibrium_at_rest, s[order], model.with_fixed_base(shapes[:, order]))
 
 
 @dataclass(frozen=True)

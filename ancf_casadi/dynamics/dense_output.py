@@ -42,7 +42,7 @@ from ancf_casadi.mechanics.nodes import NODE
 from ancf_casadi.mechanics.state import State
 from ancf_casadi.mechanics.strain import gauss, hermite_slope
 from ancf_casadi.support.arrays import Array, Index
-from ancf_casadi.support.compilation import compiled_together
+from ancf_casadi.support.compilation import compile_together
 
 INSTANTS_TOGETHER = 1024  # whose polynomials are gathered at once; they stay in the processor's cache
 
@@ -284,7 +284,7 @@ class DenseMotion(MotionSource):
         for chosen, base, slopes in self._parts(times, orders):
             for order in range(orders):
                 result[order, chosen] = self._basis.nodes(base[order], slopes[order])
-        return result if self.model.held_at_base_alone else self._closed(result, times)
+        return result if self.model.held_at_base_alone else self._close_supports(result, times)
 
     def along(self, row: Array, times: Array, order: int = 0) -> Array:
         """Return weighted sums of the nodes, see ``MotionSource``, from the slopes at once."""
@@ -302,7 +302,7 @@ class DenseMotion(MotionSource):
         result = np.empty((times.size, NODE))
         for start in range(0, times.size, INSTANTS_TOGETHER):
             together = times[start : start + INSTANTS_TOGETHER]
-            loads = self._excited(together, EXCITATION)[:, 3 * NODE :]
+            loads = self._excitation(together, EXCITATION)[:, 3 * NODE :]
             motion = [nodes.T for nodes in self.nodes(together, 3)]
             result[start : start + INSTANTS_TOGETHER] = self._base_force(*motion, loads.T).full().T
         return result
@@ -341,9 +341,9 @@ class DenseMotion(MotionSource):
 
     def _base_nodes(self, times: Array, orders: int) -> Array:
         """Return position and slope of the base and their time derivatives, complex, (orders, k, 2)."""
-        return self._excited(times, orders * NODE).view(complex).reshape(-1, orders, 2).swapaxes(0, 1)
+        return self._excitation(times, orders * NODE).view(complex).reshape(-1, orders, 2).swapaxes(0, 1)
 
-    def _excited(self, times: Array, rows: int) -> Array:
+    def _excitation(self, times: Array, rows: int) -> Array:
         """Return the first ``rows`` of the excitation at instants, (k, rows)."""
         result = np.empty((times.size, rows))
         for piece, chosen in self._pieces_at(times):
@@ -371,13 +371,13 @@ class DenseMotion(MotionSource):
     @cached_property
     def _base_force(self) -> cs.Function:
         """(e, e_t, e_tt, load) -> the generalized force of the base."""
-        equations = Equations(self.model, self.law, compiled_together, TIP if self.load is None else self.load.place)
+        equations = Equations(self.model, self.law, compile_together, TIP if self.load is None else self.load.place)
         e, e_t, e_tt = (cs.MX.sym(name, self.model.size) for name in ("e", "e_t", "e_tt"))
         load, parameters = cs.MX.sym("load", NODE), cs.MX(cs.DM(equations.parameters))
         force = equations.balance(parameters).on_base(e, e_t, e_tt, load)
         return cs.Function("base_force", [e, e_t, e_tt, load], [force], {"is_diff_in": [False] * 4})
 
-    def _closed(self, motion: Array, times: Array) -> Array:
+    def _close_supports(self, motion: Array, times: Array) -> Array:
         """Return coordinates and so on, (orders, k, size), whose nodes at the supports are in their places."""
         model, orders = self.model, len(motion)
         bases = np.ascontiguousarray(self._base_nodes(times, orders)).view(float)

@@ -26,7 +26,7 @@ from ancf_casadi.mechanics.lumped import BEAM_UNITS, PROPERTIES
 from ancf_casadi.mechanics.nodes import NODE
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.inputs import instances
-from ancf_casadi.support.tables import Displayed, counted
+from ancf_casadi.support.tables import Displayed, plural
 from ancf_casadi.vibration.equilibrium import Equilibrium
 
 COORDINATES = (("x", "m", "position, x"), ("y", "m", "position, y"), ("slope_x", "1", "slope dr/ds, x"),
@@ -137,7 +137,7 @@ class MotionFunctions(Displayed):
 
     def _summary(self) -> str:
         names = ", ".join(parameter.name for parameter in self.parameters)
-        return f"{counted(len(self.states) // 2, 'coordinate')}, parameters {names}"
+        return f"{plural(len(self.states) // 2, 'coordinate')}, parameters {names}"
 
 
 def values(signals: Sequence[Signal]) -> Array:

@@ -40,7 +40,7 @@ from ancf_casadi.mechanics.model import Model
 from ancf_casadi.mechanics.nodes import NODE
 from ancf_casadi.mechanics.state import State
 from ancf_casadi.support.arrays import Array
-from ancf_casadi.support.compilation import compiled_together
+from ancf_casadi.support.compilation import compile_together
 from ancf_casadi.support.inputs import check_instance, choice, flag, physical, positive_or_infinite, whole
 from ancf_casadi.support.interrupts import noted_interrupts
 from ancf_casadi.vibration.equilibrium import Equilibrium, bends_allowed, warn_of_overbent_elements
@@ -158,7 +158,7 @@ def simulate(
             load=load,
             sample_rate=sample_rate,
             start=start,
-            make=compiled_together,
+            make=compile_together,
         )
         used = ("idas" if options else "radau") if method == "auto" else method
         if tolerance is None:

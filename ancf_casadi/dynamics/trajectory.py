@@ -32,7 +32,7 @@ from ancf_casadi.mechanics.state import State
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.files import check_file, write_file
 from ancf_casadi.support.inputs import array, whole
-from ancf_casadi.support.tables import Displayed, Reported, Table, counted
+from ancf_casadi.support.tables import Displayed, Reported, Table, plural
 
 MOVING = "ancf_casadi.animation.motions.moving_pictures"  # function that draws motions by their labels
 
@@ -49,7 +49,7 @@ class IntegratorUse(Displayed):
 class Motion(Reported):
     """Base class of simulated motions of a beam."""
 
-    _drawing = "ancf_casadi.plot.motion_figure"
+    _drawing = "ancf_casadi.figures.motions.motion_figure"
 
     model: Model
     time: Array
@@ -151,7 +151,7 @@ class Motion(Reported):
         # without the rounding errors of a beam that hangs straight
         rows = [(name, *(values.round(12) + 0.0).tolist()) for name, values in (*ends, ("travel", self._travel))]
         title = f"Motion of the tip, {self._length}; the travel is relative to the clamp"
-        notes = (*self._methods, f"{counted(self.steps, 'step')} in {self.wall_seconds:.3g} s")
+        notes = (*self._methods, f"{plural(self.steps, 'step')} in {self.wall_seconds:.3g} s")
         return Table("motion", title, ("tip", "x_m", "y_m"), rows, notes)
 
     def to_dict(self) -> dict[str, Any]:
@@ -173,12 +173,12 @@ class Motion(Reported):
     @property
     def _length(self) -> str:
         length = float(np.ptp(self.time)) if len(self.time) else 0.0
-        return f"{length:.4g} s, {counted(len(self.time), 'sample')}"
+        return f"{length:.4g} s, {plural(len(self.time), 'sample')}"
 
     def _summary(self) -> str:
         how = ", ".join(text.split(" from ")[0] for text in self._methods)
         travel = f"tip travel {1e3 * self._travel.max():.4g} mm"
-        return f"{self._length}, {counted(self.model.beam.elements, 'element')}, {travel}, {how}"
+        return f"{self._length}, {plural(self.model.beam.elements, 'element')}, {travel}, {how}"
 
 
 @dataclass(frozen=True, eq=False)
@@ -339,13 +339,13 @@ class Trajectory(Motion):
 
     def curvature(self, point: float) -> Array:
         """Return the curvature at a point, (k,), 1/m, positive counterclockwise; see ``position``."""
-        return np.asarray(curvature_at(self.model, point, self._interpolated))
+        return np.asarray(curvature_at(self.model, point, self._interpolate))
 
     def axial_force(self, point: float) -> Array:
         """Return the axial force at a point, (k,), N, tension positive; see ``position``."""
         (width, thickness, _, modulus), prestress = self.model.properties, np.array(self.model.beam.prestress or [0.0])
         readings = (
-            neighbouring_axial_strains(self.model, point, at) for at in (self._interpolated, self._manufactured)
+            neighbouring_axial_strains(self.model, point, at) for at in (self._interpolate, self._unstressed_place)
         )
         strains = [
             (weight, k, strain - natural_strain)
@@ -357,7 +357,7 @@ class Trajectory(Motion):
     def bending_moment(self, point: float) -> Array:
         """Return the bending moment at a point, (k,), N m, positive counterclockwise; see ``position``."""
         width, thickness, _, modulus = self.model.properties[:, self.model.element_at(point)]
-        bent = self.curvature(point) - curvature_at(self.model, point, self._manufactured)
+        bent = self.curvature(point) - curvature_at(self.model, point, self._unstressed_place)
         return np.asarray(float(modulus * width * thickness**3 / 12) * bent)
 
     @cached_property
@@ -405,12 +405,12 @@ class Trajectory(Motion):
             "interrupted": self.interrupted,
         }
 
-    def _manufactured(self, matrix: Array) -> tuple[float, float]:
+    def _unstressed_place(self, matrix: Array) -> tuple[float, float]:
         """Return x and y of a row of the interpolation, times the coordinates of the beam without stress."""
         x, y = (matrix @ self.model.straight).tolist()
         return x, y
 
-    def _interpolated(self, matrix: Array) -> tuple[Array, Array]:
+    def _interpolate(self, matrix: Array) -> tuple[Array, Array]:
         """Return x and y, (k,), from an interpolation matrix."""
         x, y = self._read(matrix).T
         return x, y

@@ -15,7 +15,7 @@ from ancf_casadi.estimation.fit import Fit
 from ancf_casadi.estimation.prediction import RecordPrediction
 from ancf_casadi.estimation.result import LeastSquaresResult
 from ancf_casadi.support.arrays import Array
-from ancf_casadi.support.figures import Figure
+from ancf_casadi.support.figures import Figure, drawing
 from ancf_casadi.support.tables import Displayed, Table, finite_or_none
 
 F = TypeVar("F", bound=LeastSquaresResult)
@@ -225,14 +225,12 @@ class LawComparison(Displayed, Generic[F]):
 
     def figure(self) -> Figure:
         """Draw the differences of AICc and BIC from their lowest values, with the probabilities."""
-        from ancf_casadi.estimation.figures import criteria_figure  # matplotlib is slow to import
-
         probabilities = self.verdict.probabilities.tolist()
         names = [
             f"{name}, {round(100 * probability, 2):g} %"
             for name, probability in zip(self.names, probabilities, strict=True)
         ]
-        return criteria_figure(names, self.verdict.aicc, self.verdict.bic)
+        return drawing("ancf_casadi.figures.fits.criteria_figure")(names, self.verdict.aicc, self.verdict.bic)
 
 
 def mixed_ends(weights: Array, values: Array, ends: Array, level: float) -> Array:

@@ -52,7 +52,7 @@ from ancf_casadi.estimation.solver.gauss_newton import influence, loss, loss_val
 from ancf_casadi.estimation.solver.nlp import solve_nlp
 from ancf_casadi.exceptions import FitError, InputError
 from ancf_casadi.support.arrays import Array, Mask
-from ancf_casadi.support.compilation import evaluated
+from ancf_casadi.support.compilation import evaluate_dense
 
 # Values at which a curved unknown is held, per length of its first-order interval.  At 4,
 # test_with_a_curved_unknown_held_intervals_are_those_by_profile_likelihood fails.
@@ -170,7 +170,7 @@ def _bends(fit: Fit, quantities: Quantities | None, level: float) -> Array:
             if way < LEAST_WAY:
                 continue
             y = fit.values + side * way * step
-            (r,) = evaluated(alone, y / fit.scale)
+            (r,) = evaluate_dense(alone, y / fit.scale)
             scores = basis.T @ influence(r.ravel(), fit.huber)[0]
             rise = 2 * (loss_value(r.ravel(), fit.huber) - least_loss) - (scores @ scores - (u @ scores) ** 2) / w
             ends = y if function is None else function(y)[0].full().ravel()

@@ -133,7 +133,7 @@ class RecordPrediction(Reported):
     {'position x, tip': True, 'position y, tip': True}
     """
 
-    _drawing = "ancf_casadi.estimation.figures.channels_figure"
+    _drawing = "ancf_casadi.figures.fits.channels_figure"
 
     kind: str
     channels: tuple[PredictedChannel, ...]

@@ -46,7 +46,7 @@ from ancf_casadi.estimation.noise.series import autocorrelation
 from ancf_casadi.estimation.result import FitResult, LeastSquaresResult
 from ancf_casadi.exceptions import AncfError, FitError, InputError
 from ancf_casadi.support.arrays import Array, Index
-from ancf_casadi.support.figures import Figure
+from ancf_casadi.support.figures import Figure, drawing
 from ancf_casadi.support.inputs import choice, number, whole
 from ancf_casadi.support.interrupts import lasting_interrupts
 from ancf_casadi.support.parallel import run_all
@@ -155,10 +155,9 @@ class MonteCarlo(Displayed):
 
     def figure(self) -> Figure:
         """Draw the distribution of each quantity over the runs, and the normal distribution that the fit predicts."""
-        from ancf_casadi.estimation.figures import scatter_figure  # matplotlib is slow to import
-
         labels = [f"{name}, {unit}".removesuffix(", ") for name, unit in zip(self.names, self.units, strict=True)]
-        return scatter_figure(labels, self.samples, self.estimates, list(self.standard_errors.values()))
+        draw = drawing("ancf_casadi.figures.fits.scatter_figure")
+        return draw(labels, self.samples, self.estimates, list(self.standard_errors.values()))
 
     def to_dict(self) -> dict[str, Any]:
         """Return the result for JSON, with None for unknown values."""

@@ -38,7 +38,7 @@ class FitResult(Reported):
     """The result of a fit."""
 
     kind: ClassVar[str]  # of the fit, in JSON
-    _comparing = "ancf_casadi.estimation.figures.saved_figure"
+    _comparing = "ancf_casadi.figures.fits.saved_figure"
 
     again: Callable[[Any], Any]  # takes other records; returns the result of the same fit to them
 

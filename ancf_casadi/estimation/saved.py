@@ -67,7 +67,7 @@ class SavedFit(Reported):
     ('rayleigh', 0.24, '1/s')
     """
 
-    _drawing = "ancf_casadi.estimation.figures.saved_figure"
+    _drawing = "ancf_casadi.figures.fits.saved_figure"
 
     numbers: SavedNumbers
     data: dict[str, Any]

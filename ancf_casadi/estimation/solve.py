@@ -321,15 +321,13 @@ def _is_small(shift_by: Callable[[Array], Array], error: Array) -> bool:
     return bool(np.abs(shift_by(error)).max() <= LARGEST_SHIFT)
 
 
-def _turn(fit: Fit, before: Fit) -> Array:
-    """Return the typical shifts (n,) by the change of the Jacobian since a coarser fit, in standard errors.
+def _turn(fit: Fit, coarser: Array) -> Array:
+    """Return the typical shifts (n,) by the change of the Jacobian from a coarser one (m, n), in standard errors.
 
     At the minimum J' r = 0.  A change of J by D shifts the estimates by (J' J)^-1 D' r, where r is mostly noise.
     """
     free = ~fit.active_bounds
-    jacobian, change = (
-        columns[:, free] * fit.scale[free] for columns in (fit.jacobian, fit.jacobian - before.jacobian)
-    )
+    jacobian, change = (columns[:, free] * fit.scale[free] for columns in (fit.jacobian, fit.jacobian - coarser))
     inverse = np.linalg.inv(jacobian.T @ jacobian)
     sizes = np.zeros(len(fit.names))
     sizes[free] = np.linalg.norm(change @ inverse, axis=0) / np.sqrt(np.diag(inverse))
@@ -357,10 +355,10 @@ def _refine(problem: FitProblem, fit: Fit, other_optima: Sequence[Fit]) -> FitSo
             break
         coarse = [block for block, better in zip(problem.blocks, finer, strict=True) if better]
         keep = compared and turn.max() <= KEPT_TURN and all(block.inaccuracy for block in coarse)
-        before = fit
+        in_units = fit.jacobian / problem.factors[:, None]  # of the series: the weights change, too
         problem, fit = _fitted_again(problem, finer, fit, keep=keep)
         if not keep:
-            turn, compared = _turn(fit, before), True
+            turn, compared = _turn(fit, problem.factors[:, None] * in_units), True
         for block in coarse:
             block.close()
     return FitSolution(problem, fit, shifts, tuple(other_optima))

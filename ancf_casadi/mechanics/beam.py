@@ -47,7 +47,7 @@ from ancf_casadi.support.inputs import (
     whole,
 )
 from ancf_casadi.support.specs import convert
-from ancf_casadi.support.tables import Displayed, counted
+from ancf_casadi.support.tables import Displayed, plural
 
 INITIAL = ("natural_curvature", "prestress")  # one value per element, or none; the largest is a lumped property
 MINIMUM_ELEMENTS = 2
@@ -380,7 +380,7 @@ class Beam(Displayed):
     def _summary(self) -> str:
         wide, thick = (f"{1e3 * min(sizes):.4g}" for sizes in (self.width, self.thickness))
         varies = "" if len({*self.sections}) == 1 else " or more"
-        return f"{self.length:.4g} m, {counted(self.elements, 'element')}, {wide} x {thick} mm{varies}"
+        return f"{self.length:.4g} m, {plural(self.elements, 'element')}, {wide} x {thick} mm{varies}"
 
 
 @dataclass(frozen=True, repr=False)

@@ -219,7 +219,7 @@ class Nodes(Displayed):
             e = (self.weights * x[self.free_of].T).T + np.tensordot(self.whole_of_base, b, 1)
         return cast(V, e)
 
-    def moved(self, q: V) -> V:
+    def with_fixed_base(self, q: V) -> V:
         """Return N q for numbers or symbols: a motion of all nodes while the base rests, (size, ...)."""
         x: Any = q
         fixed_base: Any = np.zeros((NODE, *x.shape[1:])) if isinstance(q, np.ndarray) else cs.MX(NODE, x.shape[1])
@@ -229,7 +229,9 @@ class Nodes(Displayed):
     def displacement(self) -> Array:
         """The way of each coordinate from its place without load to that at which a support holds it, (size,)."""
         base = np.array([0.0, 0.0, *self.beam.axis])
-        return np.asarray(self.whole_of_base @ base - (self.straight - self.moved(self.of_free(self.straight))))
+        return np.asarray(
+            self.whole_of_base @ base - (self.straight - self.with_fixed_base(self.of_free(self.straight)))
+        )
 
     @cached_property
     def is_held(self) -> bool:
@@ -237,7 +239,7 @@ class Nodes(Displayed):
         nodes = self.straight.reshape(-1, 2).copy()
         rotation = np.column_stack([-nodes[:, 1], nodes[:, 0]]).ravel() / self.scale
         motions = np.column_stack([np.resize(row, self.size) for row in ([1.0, 0, 0, 0], [0, 1.0, 0, 0])] + [rotation])
-        held_motions = motions - self.moved(self.of_free(motions))
+        held_motions = motions - self.with_fixed_base(self.of_free(motions))
         return int(np.linalg.matrix_rank(held_motions[NODE * self.root :])) == 3
 
     def interpolation(self, point: float) -> Array:

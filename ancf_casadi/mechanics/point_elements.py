@@ -66,12 +66,12 @@ def rotational_spring() -> Element:
     e, e_t, p = symbols(8, 5)
     cosine, sine, *axis, stiffness = cs.vertsplit(p)
 
-    def turned(slope: cs.SX) -> cs.SX:
+    def turn(slope: cs.SX) -> cs.SX:
         return cs.vertcat(cosine * slope[0] - sine * slope[1], sine * slope[0] + cosine * slope[1])
 
-    base, slope = turned(e[2:4]), e[6:8]
+    base, slope = turn(e[2:4]), e[6:8]
     theta = cs.atan2(base[0] * slope[1] - base[1] * slope[0], cs.dot(base, slope))
-    straight = cs.vertcat(0, 0, *axis, 0, 0, turned(cs.vertcat(*axis)))
+    straight = cs.vertcat(0, 0, *axis, 0, 0, turn(cs.vertcat(*axis)))
     return derived_element((e, e_t, p), straight, theta, stiffness)
 
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from ancf_casadi.mechanics.nodes import NODE
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.inputs import array, number
-from ancf_casadi.support.tables import Displayed, counted
+from ancf_casadi.support.tables import Displayed, plural
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,4 +53,4 @@ class State(Displayed):
         object.__setattr__(self, "time", number(self.time, "time"))
 
     def _summary(self) -> str:
-        return f"{self.time:.6g} s, {counted(len(self.coordinates) // NODE, 'node')}"
+        return f"{self.time:.6g} s, {plural(len(self.coordinates) // NODE, 'node')}"

@@ -14,7 +14,7 @@ from ancf_casadi.exceptions import InputError
 from ancf_casadi.records.units import Unit, names_time
 from ancf_casadi.support.arrays import Array, Index
 from ancf_casadi.support.inputs import check_instance, shown
-from ancf_casadi.support.tables import Displayed, counted
+from ancf_casadi.support.tables import Displayed, plural
 
 COUNTER_NAME = re.compile(
     r"(?:frames?|samples?|scans?|index|row|record|point|count(?:er)?|bildnummer)?[ _.#-]*"
@@ -46,7 +46,7 @@ class RecordedChannel(Displayed):
         return f"{self.number} {shown(self.name)}"
 
     def _summary(self) -> str:
-        return f"{self.label}, {counted(len(self.values), 'sample')}"
+        return f"{self.label}, {plural(len(self.values), 'sample')}"
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,7 +125,7 @@ class Recording(Displayed):
 
     def _summary(self) -> str:
         samples = max((len(channel.values) for channel in self.channels), default=0)
-        return f"{self.name!r}, {counted(len(self.channels), 'channel')}, {counted(samples, 'sample')}"
+        return f"{self.name!r}, {plural(len(self.channels), 'channel')}, {plural(samples, 'sample')}"
 
 
 def find_channel(channels: Sequence[RecordedChannel], wanted: object, option: str, path: str) -> RecordedChannel:

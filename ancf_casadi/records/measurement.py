@@ -26,9 +26,9 @@ from ancf_casadi.records.recording import read_recording
 from ancf_casadi.records.sensor import Sensor, assign_sensor
 from ancf_casadi.records.units import known_unit
 from ancf_casadi.support.arrays import Array
-from ancf_casadi.support.figures import Figure
+from ancf_casadi.support.figures import Figure, drawing
 from ancf_casadi.support.inputs import LARGEST_TIME, array, check_instance, error_prefix, number, physical, whole
-from ancf_casadi.support.tables import Displayed, counted, spread
+from ancf_casadi.support.tables import Displayed, plural, spread
 
 MIN_SAMPLES = 30  # new samples of a record that can be decimated: the length of the filter
 
@@ -324,13 +324,11 @@ class Measurement(Displayed):
 
     def figure(self) -> Figure:
         """Draw the record over time."""
-        from ancf_casadi.records.figures import record_figure  # matplotlib is slow to import
-
         label = f"{self.sensor.quantity}, {self.sensor.unit}" if self.sensor.unit else self.sensor.quantity
-        return record_figure(label, self.time, self.values, self.name)
+        return drawing("ancf_casadi.figures.records.record_figure")(label, self.time, self.values, self.name)
 
     def _summary(self) -> str:
-        phrases = (repr(self.name), counted(len(self.time), "sample"), spread(self.time, "s"), self.sensor.quantity)
+        phrases = (repr(self.name), plural(len(self.time), "sample"), spread(self.time, "s"), self.sensor.quantity)
         return ", ".join((*phrases[not self.name :], *filter(None, [self.sensor.unit])))
 
 

@@ -98,7 +98,7 @@ def _modal_derivatives(modes: Modes, pairs: Index) -> Array:
     force = model.of_free(np.hstack([second(equilibrium.coordinates, *shapes[:, pair].T).full() for pair in pairs]))
     _, stiffness, mass = equilibrium.structure.linearisation(equilibrium.exact)
     static, free_shapes = -factorise(stiffness).solve(force), model.of_free(shapes)
-    return np.asarray(model.moved(static - free_shapes @ (free_shapes.T @ (sparse(mass) @ static))))
+    return np.asarray(model.with_fixed_base(static - free_shapes @ (free_shapes.T @ (sparse(mass) @ static))))
 
 
 def _quadratic_forms(modes: Modes, pairs: Index, modal_derivatives: Array) -> tuple[Array, Array]:

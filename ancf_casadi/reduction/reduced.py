@@ -60,7 +60,7 @@ from ancf_casadi.reduction.forces import BASE_SIZE, Expression, Projection, Redu
 from ancf_casadi.support.arrays import Array, Index
 from ancf_casadi.support.inputs import check_instance, numbers, whole
 from ancf_casadi.support.interrupts import lasting_interrupts
-from ancf_casadi.support.tables import counted
+from ancf_casadi.support.tables import plural
 from ancf_casadi.vibration.assembly import Structure
 from ancf_casadi.vibration.equilibrium import Equilibrium, neighbouring_equilibrium
 from ancf_casadi.vibration.modes import Modes, natural_modes
@@ -157,7 +157,7 @@ class ReducedModel(ReducedFunctions, Reduction):
         return values(self.parameters)
 
     def _summary(self) -> str:
-        return f"{self.modes._summary()}, {counted(self.model.beam.elements, 'element')}, {self.law!r}"
+        return f"{self.modes._summary()}, {plural(self.model.beam.elements, 'element')}, {self.law!r}"
 
 
 @lasting_interrupts()

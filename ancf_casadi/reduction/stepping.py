@@ -31,10 +31,10 @@ from ancf_casadi.mechanics.state import State
 from ancf_casadi.reduction.forces import BASE_SIZE
 from ancf_casadi.reduction.reduced import BASE_INSTANTS, ReducedModel
 from ancf_casadi.support.arrays import Array, Index
-from ancf_casadi.support.compilation import compiled, interpreted
+from ancf_casadi.support.compilation import compile_function, expand_function
 from ancf_casadi.support.inputs import check_instance, positive, whole
 from ancf_casadi.support.interrupts import delayed_interrupts, lasting_interrupts
-from ancf_casadi.support.tables import counted
+from ancf_casadi.support.tables import plural
 from ancf_casadi.vibration.equilibrium import Equilibrium
 
 STEPS_PER_PERIOD = 20
@@ -91,7 +91,7 @@ class ReducedTrajectory(Motion):
     @property
     def _methods(self) -> tuple[str, ...]:
         """The modes of the reduced model."""
-        return (counted(self.reduced.count, "mode"),)
+        return (plural(self.reduced.count, "mode"),)
 
     @cached_property
     def coordinates(self) -> Array:  # type: ignore[override]
@@ -268,7 +268,7 @@ def _stepper(reduced: ReducedModel, duration: float) -> Callable[[Array, Array, 
     step = cs.Function("reduced_advance", symbols, [*reduced.step(*symbols)], fixed)
     # a run of a shorter time (s) would end before the compiler does, which takes minutes for more operations
     worth_compiling = duration >= 0.25 and reduced.rhs.n_instructions() <= 20_000
-    step = compiled(step) if worth_compiling else interpreted(step)
+    step = compile_function(step) if worth_compiling else expand_function(step)
     x, base, h = cs.MX.sym("x", 2 * m), cs.MX.sym("base", BASE_SIZE, BASE_INSTANTS), cs.MX.sym("h")
     single_step = cs.Function("one", [x, base, h], [cs.vertcat(*step(x[:m], x[m:], base, reduced.values, h))])
 

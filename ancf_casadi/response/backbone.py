@@ -43,7 +43,7 @@ from ancf_casadi.response.periodic import PeriodicMotion
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.inputs import number, physical, positive, whole
 from ancf_casadi.support.interrupts import lasting_interrupts
-from ancf_casadi.support.tables import Reported, Table, counted, spread
+from ancf_casadi.support.tables import Reported, Table, plural, spread
 
 MAX_BACKBONE_POINTS = 1000
 
@@ -73,7 +73,7 @@ class Backbone(Reported):
     -1.0%
     """
 
-    _drawing = "ancf_casadi.response.drawing.backbone_figure"
+    _drawing = "ancf_casadi.figures.responses.backbone_figure"
 
     mode: int
     natural_frequency: float
@@ -133,7 +133,7 @@ class Backbone(Reported):
         return Table("backbone", title, columns, rows)
 
     def _summary(self) -> str:
-        extent = f"{counted(len(self.motions), 'motion')}, {spread(self.frequencies, 'Hz')}"
+        extent = f"{plural(len(self.motions), 'motion')}, {spread(self.frequencies, 'Hz')}"
         return f"mode {self.mode}, {self.natural_frequency:.4g} Hz in small motion, {extent}"
 
     def _interpolate(self, values: Array, amplitude: float) -> float:

@@ -18,7 +18,7 @@ from ancf_casadi.response.floquet import Bifurcation
 from ancf_casadi.response.periodic import PeriodicMotion
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.figures import Figure
-from ancf_casadi.support.tables import Displayed, Reported, Table, counted, spread
+from ancf_casadi.support.tables import Displayed, Reported, Table, plural, spread
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,7 +65,7 @@ class ResponseCurve(Reported):
     True
     """
 
-    _drawing = "ancf_casadi.response.drawing.response_figure"
+    _drawing = "ancf_casadi.figures.responses.response_figure"
 
     free: str
     motions: tuple[PeriodicMotion, ...]
@@ -131,7 +131,7 @@ class ResponseCurve(Reported):
         length = self.motions[0].excited.unit
         columns = ("", f"{name}, {unit}" if unit else name, f"amplitude, {length}" if length else "amplitude")
         unstable = np.count_nonzero(~self.stable)
-        title = f"Response curve of {counted(len(self.motions), 'motion')}, {unstable} of them unstable"
+        title = f"Response curve of {plural(len(self.motions), 'motion')}, {unstable} of them unstable"
         return Table("response", title, columns, rows)
 
     def to_dict(self) -> dict[str, Any]:
@@ -181,8 +181,8 @@ class ResponseCurve(Reported):
 
     def _summary(self) -> str:
         name, unit = self.quantity
-        bifurcations = counted(len(self.bifurcations), "bifurcation")
-        return f"{counted(len(self.motions), 'motion')}, {name} {spread(self.values, unit)}, {bifurcations}"
+        bifurcations = plural(len(self.bifurcations), "bifurcation")
+        return f"{plural(len(self.motions), 'motion')}, {name} {spread(self.values, unit)}, {bifurcations}"
 
     @property
     def quantity(self) -> tuple[str, str]:

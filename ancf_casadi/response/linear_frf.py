@@ -49,7 +49,7 @@ from ancf_casadi.support.arrays import Array, ComplexArray
 from ancf_casadi.support.banded import BandedFactors
 from ancf_casadi.support.inputs import LARGEST_TIME, array, check_instance, choice, is_sequence, number, unit_vector
 from ancf_casadi.support.interrupts import lasting_interrupts
-from ancf_casadi.support.tables import Reported, Table, counted, spread
+from ancf_casadi.support.tables import Reported, Table, plural, spread
 from ancf_casadi.vibration.assembly import BANDWIDTH
 from ancf_casadi.vibration.equilibrium import Equilibrium
 from ancf_casadi.vibration.modes import Modes, natural_modes
@@ -101,7 +101,7 @@ class LinearFrf(Reported):
     ((1, 1, 2), 'm/(N s)')
     """
 
-    _drawing = "ancf_casadi.response.drawing.frf_figure"
+    _drawing = "ancf_casadi.figures.responses.frf_figure"
 
     kind: FrfKind
     frequencies: Array
@@ -184,7 +184,7 @@ class LinearFrf(Reported):
         }
 
     def _summary(self) -> str:
-        shape = f"{counted(len(self.points), 'point')}, {len(self.frequencies)} frequencies"
+        shape = f"{plural(len(self.points), 'point')}, {len(self.frequencies)} frequencies"
         return f"{self.kind}, {shape}, {spread(self.frequencies, 'Hz')}, {self.damping!r}"
 
 

@@ -26,7 +26,7 @@ from ancf_casadi.response.harmonic_balance.beams import base_force
 from ancf_casadi.support.arrays import Array, ComplexArray
 from ancf_casadi.support.files import check_file, write_file
 from ancf_casadi.support.inputs import instances, whole
-from ancf_casadi.support.tables import Reported, Table, counted
+from ancf_casadi.support.tables import Reported, Table, plural
 
 PERIOD_SAMPLES = 256  # samples of a period for peaks and harmonics of a point
 
@@ -67,7 +67,7 @@ class PeriodicMotion(Reported):
     True
     """
 
-    _drawing = "ancf_casadi.response.drawing.periodic_figure"
+    _drawing = "ancf_casadi.figures.responses.periodic_figure"
 
     excited: Excited
     balance: HarmonicBalance
@@ -243,7 +243,7 @@ class PeriodicMotion(Reported):
             ("largest Floquet multiplier", float(np.abs(self.multipliers).max()), ""),
             ("estimated relative error", self.errors.largest, ""),
         ]
-        title = f"{'Stable' if self.stable else 'Unstable'} periodic motion, {counted(self.harmonic_count, 'harmonic')}"
+        title = f"{'Stable' if self.stable else 'Unstable'} periodic motion, {plural(self.harmonic_count, 'harmonic')}"
         return Table("periodic_motion", title, ("quantity", "value", "unit"), rows)
 
     def to_dict(self) -> dict[str, Any]:
@@ -268,7 +268,7 @@ class PeriodicMotion(Reported):
         size, unit = self.amplitude(), self.excited.unit
         amplitude = f"{1e3 * size:.4g} mm" if unit else f"{size:.4g}"
         state = "stable" if self.stable else "unstable"
-        return f"{self.frequency:.6g} Hz, amplitude {amplitude}, {counted(self.harmonic_count, 'harmonic')}, {state}"
+        return f"{self.frequency:.6g} Hz, amplitude {amplitude}, {plural(self.harmonic_count, 'harmonic')}, {state}"
 
 
 def _integral(power: Array, instants: Array) -> Array:

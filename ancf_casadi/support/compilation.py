@@ -42,7 +42,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ancf_casadi.support.arrays import Array
-from ancf_casadi.support.interrupts import interrupted
+from ancf_casadi.support.interrupts import has_interrupt
 
 LIBRARY = ("-fno-math-errno", "-fPIC", "-shared", "-ffp-contract=off")
 COMPILER_FLAGS = ("-O1", *LIBRARY)  # -O3 takes twice as long, and its code is no faster
@@ -55,7 +55,7 @@ OTHERS_WRITE = stat.S_IWGRP | stat.S_IWOTH
 _failed: set[tuple[str, ...]] = set()  # compilers that failed; this process does not try them again
 
 
-def interpreted(function: cs.Function) -> cs.Function:
+def expand_function(function: cs.Function) -> cs.Function:
     """Return a function for the virtual machine, expanded to scalar operations.
 
     One that calls another again and again stays as it is: expanded, it would be simplified across the calls, and give
@@ -65,19 +65,19 @@ def interpreted(function: cs.Function) -> cs.Function:
     return function if calls > 1 else function.expand(function.name(), _differentiability(function))
 
 
-def compiled(function: cs.Function, *, derivatives: bool = False) -> cs.Function:
+def compile_function(function: cs.Function, *, derivatives: bool = False) -> cs.Function:
     """Return a function as machine code, or for the virtual machine if it cannot be compiled, with one warning."""
-    return compiled_together([function], derivatives=derivatives)[0]
+    return compile_together([function], derivatives=derivatives)[0]
 
 
-def compiled_together(functions: Sequence[cs.Function], *, derivatives: bool = False) -> list[cs.Function]:
-    """Return several functions ``compiled``, by compilers that run side by side."""
+def compile_together(functions: Sequence[cs.Function], *, derivatives: bool = False) -> list[cs.Function]:
+    """Return several functions as ``compile_function`` does, by compilers that run side by side."""
     compiler = c_compiler()
     if os.environ.get("ANCF_CASADI_COMPILE") == "0" or compiler in _failed:
-        return [interpreted(function) for function in functions]
+        return [expand_function(function) for function in functions]
     if not compiler:
         _give_up(compiler, "no C compiler was found")
-        return [interpreted(function) for function in functions]
+        return [expand_function(function) for function in functions]
     folder = _safe_folder()
     wanted = [
         (function, derivatives and any(function.is_diff_in(k) for k in range(function.n_in())))
@@ -88,7 +88,7 @@ def compiled_together(functions: Sequence[cs.Function], *, derivatives: bool = F
     sources = {stem: _source(*each) for stem, each in zip(stems, wanted, strict=True) if stem not in libraries}
     if sources:
         libraries |= _built(sources, compiler, folder)
-    return [_loaded(function, libraries.get(stem), compiler) for function, stem in zip(functions, stems, strict=True)]
+    return [_load(function, libraries.get(stem), compiler) for function, stem in zip(functions, stems, strict=True)]
 
 
 def _stem(function: cs.Function, derivatives: bool, compiler: Sequence[str]) -> str:
@@ -98,15 +98,15 @@ def _stem(function: cs.Function, derivatives: bool, compiler: Sequence[str]) -> 
     return f"{function.name()}-{key[:32]}"
 
 
-def _loaded(function: cs.Function, library: Path | None, compiler: tuple[str, ...]) -> cs.Function:
+def _load(function: cs.Function, library: Path | None, compiler: tuple[str, ...]) -> cs.Function:
     """Return a function from its library, or for the virtual machine if there is none."""
     if library is None:
-        return interpreted(function)
+        return expand_function(function)
     try:
         return cs.external(function.name(), str(library), _differentiability(function))
     except RuntimeError:  # it was removed after the check, or its folder does not admit programs any more
         _give_up(compiler, f"{library} cannot be loaded")
-        return interpreted(function)
+        return expand_function(function)
 
 
 def c_compiler() -> tuple[str, ...]:
@@ -256,7 +256,7 @@ def compiler_failure(calls: Mapping[Path, Sequence[str]]) -> str:
             while process.poll() is None:
                 if time.monotonic() > deadline:
                     return f"it takes more than {COMPILER_SECONDS} s"
-                if interrupted():
+                if has_interrupt():
                     raise KeyboardInterrupt
                 with contextlib.suppress(subprocess.TimeoutExpired):
                     process.wait(POLLING_INTERVAL)
@@ -333,7 +333,7 @@ class Buffered:
         return self.outputs
 
 
-def evaluated(function: cs.Function, *inputs: ArrayLike) -> list[Array]:
+def evaluate_dense(function: cs.Function, *inputs: ArrayLike) -> list[Array]:
     """Return the outputs of a Function, dense as its inputs, as arrays; for large ones, much faster than a call."""
     columns = [np.array(values, dtype=float).ravel(order="F") for values in inputs]
     outputs = Buffered(function, *columns)()

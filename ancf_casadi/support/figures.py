@@ -13,6 +13,7 @@ from __future__ import annotations
 import functools
 import math
 from collections.abc import Callable, Iterator
+from importlib import import_module
 from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
 
 if TYPE_CHECKING:
@@ -35,10 +36,18 @@ SERIES: tuple[tuple[str, object, str], ...] = (  # colour, dash, marker
     ("#b8860b", (0, (3, 1, 1, 1, 1, 1)), "v"),
 )
 
+DOTS_PER_INCH = 130
 PREFIXES = {0: "", -3: "m", -6: "µ", -9: "n", -12: "p", 3: "k", 6: "M"}
 
 P = ParamSpec("P")
 Drawn = TypeVar("Drawn", bound="Figure | SubFigure")
+
+
+def drawing(name: str) -> Callable[..., Figure]:
+    """Return a drawing function by its module and name; this imports matplotlib, which is slow."""
+    module, _, function = name.rpartition(".")
+    draw: Callable[..., Figure] = getattr(import_module(module), function)
+    return draw
 
 
 def si_prefix(largest: float, unit: str) -> tuple[float, str]:

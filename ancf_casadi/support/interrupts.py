@@ -2,8 +2,8 @@
 
 A signal that raises an exception inside a CasADi call appears as a failure of the solver, or not at all: CasADi
 swallows the exception even while it converts an array.  There are two remedies.  During a long call, the signal is
-noted and handled afterwards; a Python function that the library calls can check ``interrupted`` and stop early.  Around
-work of many calls, the exception is raised repeatedly until the work ends.
+noted and handled afterwards; a Python function that the library calls can check ``has_interrupt`` and stop early.
+Around work of many calls, the exception is raised repeatedly until the work ends.
 """
 
 from __future__ import annotations
@@ -82,7 +82,7 @@ def delayed_interrupts() -> Iterator[None]:
                 raise KeyboardInterrupt from None
 
 
-def interrupted() -> bool:
+def has_interrupt() -> bool:
     """Return whether a Ctrl-C was noted in an open context; the running work should then stop."""
     return any(_noted)
 

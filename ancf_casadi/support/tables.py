@@ -17,7 +17,6 @@ from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import MISSING, Field, dataclass, field, fields, is_dataclass
 from html import escape
-from importlib import import_module
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -25,7 +24,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ancf_casadi.exceptions import InputError
-from ancf_casadi.support.figures import Figure
+from ancf_casadi.support.figures import Figure, drawing
 from ancf_casadi.support.files import check_file, write_file
 from ancf_casadi.support.inputs import instances
 
@@ -174,8 +173,8 @@ class Reported(Displayed, ABC):
         figure: Figure = self._make_drawing((others and self._comparing) or self._drawing, others, labels, **options)
         return figure
 
-    def _make_drawing(self, drawing: str, others: Sequence[Any], labels: Sequence[str], **options: Any) -> Any:
-        """Call the drawing function ``module.name`` with the results by label; this imports matplotlib."""
+    def _make_drawing(self, name: str, others: Sequence[Any], labels: Sequence[str], **options: Any) -> Any:
+        """Return what the function of a module and name draws of the results by label."""
         unfit = [other for other in others if getattr(other, "_drawing", None) != self._drawing]
         if unfit:
             raise InputError(f"a {type(self).__name__} cannot be drawn with a {type(unfit[0]).__name__}", "figure")
@@ -184,11 +183,10 @@ class Reported(Displayed, ABC):
         names = instances(labels, "labels", str, minimum=0) or numbers
         if not len(set(names)) == len(names) == len(results):
             raise InputError(f"must be {len(results)} different names", "labels")
-        module, name = drawing.rsplit(".", 1)
-        return getattr(import_module(module), name)(dict(zip(names, results, strict=True)), **options)
+        return drawing(name)(dict(zip(names, results, strict=True)), **options)
 
 
-def counted(count: int, noun: str) -> str:
+def plural(count: int, noun: str) -> str:
     """Return a count with its noun, such as ``1 mode`` or ``5 modes``."""
     return f"{count} {noun}" if count == 1 else f"{count} {noun}s"
 

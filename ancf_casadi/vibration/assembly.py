@@ -287,7 +287,7 @@ class Structure:
     def stiffness_product(self, at: Position) -> Callable[[Array], Array]:
         """Return x -> K x for the free coordinates, summed element by element."""
         product = self.whole_product(at)
-        return lambda x: product(self.model.moved(x))
+        return lambda x: product(self.model.with_fixed_base(x))
 
     def whole_product(self, at: Position) -> Callable[[Array], Array]:
         """Return x -> N^T K x for a change of all coordinates, summed element by element."""

@@ -173,7 +173,7 @@ class PathPoint:
         direction = self.solve(row[None], self.rate[:, None], np.append(np.zeros(self.q.size), 1.0))
         return np.asarray(direction / rms(direction[:-1]))
 
-    def moved(self, x: Array) -> PathPoint:
+    def at_offset(self, x: Array) -> PathPoint:
         """Return the point at an offset x, (N + 1,)."""
         q = self.q + self.structure.model.free_scale * x[:-1]
         return replace(
@@ -204,8 +204,10 @@ class PathPoint:
             change, offset = step[: row.size], offset + step
             if converged:
                 factor = point.factor + self.loading.largest * float(change[-1])
-                return replace(point, factor=factor, remainder=point.structure.model.moved(scale * change[:-1]))
-            point = point.moved(change)
+                return replace(
+                    point, factor=factor, remainder=point.structure.model.with_fixed_base(scale * change[:-1])
+                )
+            point = point.at_offset(change)
             converged = bool(np.abs(change).max() < TOLERANCE)
         return None
 
@@ -254,7 +256,7 @@ def follow_path(point: PathPoint, tangent: Array, step: float, *, regular: bool 
 
 def null_shape(critical: PathPoint) -> Array:
     """Return the null vector of K at a critical point in all coordinates, (size,); its largest displacement is 1 m."""
-    shape = critical.structure.model.moved(critical.null_vector())
+    shape = critical.structure.model.with_fixed_base(critical.null_vector())
     places = shape.reshape(-1, NODE)[:, :2]
     return np.asarray(shape / places.flat[np.abs(places).argmax()])
 
@@ -272,7 +274,7 @@ def next_point(point: PathPoint, tangent: Array, step: float, *, regular: bool) 
     None if the step is too long.  The step ends at the largest factor.  ``regular`` is False at a bifurcation.
     """
     row = _normal(tangent)
-    trial = point.moved(step * tangent).correct(row)
+    trial = point.at_offset(step * tangent).correct(row)
     if trial is None:
         return None
     try:
@@ -339,7 +341,7 @@ def _root(
     (a, b), (low_value, high_value) = (0.0, 1.0), (value(first), value(last))
     for _ in range(60):
         x = b - high_value * (b - a) / (high_value - low_value)
-        trial = first.moved(x * chord).correct(row, point.null_vector() if deflate else None)
+        trial = first.at_offset(x * chord).correct(row, point.null_vector() if deflate else None)
         if trial is None:
             return None
         point, trial_value, change = trial, value(trial), abs(x - b)

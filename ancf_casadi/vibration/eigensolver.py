@@ -62,7 +62,7 @@ def lowest_modes(structure: Structure, at: Position, count: int) -> tuple[Array,
         return None
     eigenvalues[np.abs(eigenvalues) <= rounding] = 0.0
     order = np.argsort(eigenvalues)
-    return eigenvalues[order], structure.model.moved(vectors[:, order])
+    return eigenvalues[order], structure.model.with_fixed_base(vectors[:, order])
 
 
 def is_definite(banded: Array) -> bool:

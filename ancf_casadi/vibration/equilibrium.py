@@ -29,7 +29,7 @@ from ancf_casadi.mechanics.model import Model
 from ancf_casadi.mechanics.nodes import NODE
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.banded import factorise, sparse
-from ancf_casadi.support.tables import Reported, Table, counted
+from ancf_casadi.support.tables import Reported, Table, plural
 from ancf_casadi.vibration.assembly import Position, Structure, solve_refined
 from ancf_casadi.vibration.eigensolver import eigenvalue_shift, is_definite, lowest_modes
 
@@ -68,7 +68,7 @@ class Equilibrium(Reported):
     (-0.357, True)
     """
 
-    _drawing = "ancf_casadi.plot.equilibrium_figure"
+    _drawing = "ancf_casadi.figures.equilibria.equilibrium_figure"
 
     model: Model
     coordinates: Array
@@ -148,7 +148,7 @@ class Equilibrium(Reported):
     def _summary(self) -> str:
         x, y = np.round(self.tip, 6) + 0.0  # no -0.0
         state = "stable" if self.stable else "unstable"
-        return f"tip ({x:g}, {y:g}) m, {state}, {counted(self.model.beam.elements, 'element')}"
+        return f"tip ({x:g}, {y:g}) m, {state}, {plural(self.model.beam.elements, 'element')}"
 
 
 def neighbouring_equilibrium(
@@ -175,7 +175,7 @@ def neighbouring_equilibrium(
             return None
         if not np.isfinite(step).all():
             return None
-        update, support_motion = model.moved(step) + (0.0 if support_motion is None else support_motion), None
+        update, support_motion = model.with_fixed_base(step) + (0.0 if support_motion is None else support_motion), None
         if converged:
             return Position(position.coordinates, update)
         position = Position.of(position.coordinates + update)

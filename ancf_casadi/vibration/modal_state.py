@@ -253,7 +253,7 @@ def coordinate_derivatives(state: ModalState, directions: Array) -> Array:
     model, force = state.model, np.zeros((state.model.size, directions.shape[1]))
     for group, force_jacobian in state.force_jacobians:
         force += scatter(group.coordinates, force_jacobian @ directions[group.properties], model.size)
-    return np.asarray(model.moved(-state.stiffness_factors.solve(model.of_free(force))))
+    return np.asarray(model.with_fixed_base(-state.stiffness_factors.solve(model.of_free(force))))
 
 
 def sensitivities(state: ModalState, directions: Array) -> tuple[Array, Array, Array]:
@@ -275,7 +275,7 @@ def sensitivities(state: ModalState, directions: Array) -> tuple[Array, Array, A
         inertia, free_force = state.inertia @ phi, model.of_free(f[k])
         eigenvalues[k] = phi @ free_force
         particular = state.pencil_solvers[k](np.outer(inertia, eigenvalues[k]) - free_force)
-        shapes[k] = model.moved(particular - np.outer(phi, inertia @ particular + half_norm[k]))
+        shapes[k] = model.with_fixed_base(particular - np.outer(phi, inertia @ particular + half_norm[k]))
     return coordinates, eigenvalues, shapes
 
 
@@ -302,11 +302,11 @@ def multipliers(state: ModalState, b: Array, c: Array) -> tuple[Array, Array, Ar
         inertia, free_weights = state.inertia @ phi, model.of_free(c[k])
         beta[k] = phi @ free_weights
         particular = state.pencil_solvers[k](np.outer(inertia, beta[k]) - free_weights)
-        a[k] = model.moved(particular + np.outer(phi, b[k] - inertia @ particular))
+        a[k] = model.with_fixed_base(particular + np.outer(phi, b[k] - inertia @ particular))
     for group, by_coordinate, _, _ in state.pencil_jacobians:
         for k, block in enumerate(by_coordinate):
             force += scatter(group.coordinates, block.transpose(0, 2, 1) @ a[k, group.coordinates], len(force))
-    return a, beta, model.moved(-state.stiffness_factors.solve(model.of_free(force)))
+    return a, beta, model.with_fixed_base(-state.stiffness_factors.solve(model.of_free(force)))
 
 
 def hessian(state: ModalState, directions: Array, b: Array, c: Array) -> Array:
@@ -367,7 +367,7 @@ def _property_block(
         terms = block @ np.concatenate(rows, axis=1)
         by_coordinate += scatter(group.coordinates, terms[:, :d], len(by_coordinate))
         by_property += scatter(group.properties, terms[:, d:], len(by_property))
-    z = model.moved(-state.stiffness_factors.solve(model.of_free(by_coordinate)))
+    z = model.with_fixed_base(-state.stiffness_factors.solve(model.of_free(by_coordinate)))
     for group, force_jacobian in state.force_jacobians:
         terms = force_jacobian.transpose(0, 2, 1) @ z[group.coordinates]
         by_property += scatter(group.properties, terms, len(by_property))

@@ -36,7 +36,7 @@ from ancf_casadi.support.banded import factorise
 from ancf_casadi.support.files import check_file, write_file
 from ancf_casadi.support.inputs import array, check_instance, number, numbers, whole
 from ancf_casadi.support.interrupts import lasting_interrupts
-from ancf_casadi.support.tables import Reported, Table, counted, spread
+from ancf_casadi.support.tables import Reported, Table, plural, spread
 from ancf_casadi.vibration.assembly import Position
 from ancf_casadi.vibration.eigensolver import eigenvalue_rounding, lowest_modes
 from ancf_casadi.vibration.equilibrium import Equilibrium, short_elements_advice, warn_of_overbent_elements
@@ -72,7 +72,7 @@ class Modes(Reported):
     array([ 1.88, 10.59, 29.47])
     """
 
-    _drawing = "ancf_casadi.plot.modes_figure"
+    _drawing = "ancf_casadi.figures.modes.modes_figure"
 
     equilibrium: Equilibrium
     frequencies: Array
@@ -212,7 +212,7 @@ class Modes(Reported):
             try:
                 solutions = factorise(stiffness).solve(np.column_stack([balance, modal_inertia]))
                 mismatch = modal - modal_inertia.T @ (model.of_free(coordinates - reference) - solutions[:, 0])
-                change = model.moved(
+                change = model.with_fixed_base(
                     solutions[:, 1:] @ np.linalg.solve(modal_inertia.T @ solutions[:, 1:], mismatch) - solutions[:, 0]
                 )
             except np.linalg.LinAlgError:
@@ -279,7 +279,7 @@ class Modes(Reported):
         }
 
     def _summary(self) -> str:
-        return f"{counted(self.count, 'mode')}, {spread(self.frequencies, 'Hz')}"
+        return f"{plural(self.count, 'mode')}, {spread(self.frequencies, 'Hz')}"
 
 
 @lasting_interrupts()

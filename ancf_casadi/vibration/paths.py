@@ -29,7 +29,7 @@ from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.figures import Figure
 from ancf_casadi.support.inputs import check_instance, instances, number, positive, whole
 from ancf_casadi.support.interrupts import lasting_interrupts
-from ancf_casadi.support.tables import Displayed, Reported, Table, counted, spread
+from ancf_casadi.support.tables import Displayed, Reported, Table, plural, spread
 from ancf_casadi.vibration.continuation import (
     MAX_STEP,
     PathPoint,
@@ -115,7 +115,7 @@ class EquilibriumPath(Reported):
     [True, False, True]
     """
 
-    _drawing = "ancf_casadi.plot.path_figure"
+    _drawing = "ancf_casadi.figures.equilibria.path_figure"
 
     model: Model
     loads: tuple[Load, ...]
@@ -215,7 +215,7 @@ class EquilibriumPath(Reported):
         return self._draw_figure(others, labels, point=point)
 
     def _summary(self) -> str:
-        critical = counted(len(self.critical_points), "critical point")
+        critical = plural(len(self.critical_points), "critical point")
         return f"{len(self.factors)} equilibria, factor {spread(self.factors, '')}, {critical}"
 
 

@@ -255,7 +255,7 @@ def beam_problem(
         count = enough if modes is None else whole(modes, "modes", 1, configuration.freedoms)
         number, names = whole(harmonics, "harmonics", 1), [unknown.name for unknown in bounded]
         block = curve_block(configuration, numbered, law, names, first, modes=count, harmonics=number)
-        blocks.append(block if apart else block.checked(frequencies))
+        blocks.append(block if apart else block.orient(frequencies))
     shared, numbers = Counter(record.name for record in values), Counter[str]()
     for record in values:
         numbers[record.name] += 1

@@ -81,7 +81,7 @@ class BeamFit(BlocksResult):
     """
 
     kind = "beam"
-    _drawing = "ancf_casadi.estimation.figures.channels_figure"
+    _drawing = "ancf_casadi.figures.fits.channels_figure"
 
     given: Model
     guess: DampingLaw

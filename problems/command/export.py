@@ -34,7 +34,7 @@ from ancf_casadi.export.fmu import FmuKind
 from ancf_casadi.support.files import check_folder, read_json
 from ancf_casadi.support.inputs import error_prefix
 from problems.command.output import Output, add_options, comma_numbers, finite, new_files, positive_count
-from problems.spec.beam import read_damped
+from problems.spec.beam import read_damped_beam
 
 FORMATS = {
     "json": "json: a document that can be read again",
@@ -92,7 +92,7 @@ def add_export(parser: argparse.ArgumentParser) -> None:
 def run_export(options: argparse.Namespace) -> Output:
     """Write the files."""
     began = time.perf_counter()
-    source = read_damped(options.file)
+    source = read_damped_beam(options.file)
     if options.format == "c":
         with error_prefix("--out"):
             check_folder(options.out)

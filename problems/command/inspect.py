@@ -185,7 +185,7 @@ def _text(options: argparse.Namespace, recording: Recording, data: Mapping[str, 
     lines = []
     for axis in times:
         columns = f" of columns {axis['columns']}" if len(times) > 1 else ""
-        lines.append(f"times{columns}: {_sampled(axis)}")
+        lines.append(f"times{columns}: {_sampling(axis)}")
     shown = summaries[:MOST_CHANNELS_SHOWN]
     rows = [
         (
@@ -204,7 +204,7 @@ def _text(options: argparse.Namespace, recording: Recording, data: Mapping[str, 
     return "\n".join([table.text(), *([""] if lines else []), *lines, "", *_advice(options, recording, data["fit"])])
 
 
-def _sampled(times: Mapping[str, Any]) -> str:
+def _sampling(times: Mapping[str, Any]) -> str:
     text = "{samples} from {begin:g} to {end:g} s".format(**times)
     if not math.isfinite(times["rate"]):
         return text
@@ -251,7 +251,7 @@ def _command(name: str, options: argparse.Namespace, column: str | int | None) -
 
 def _figure(recording: Recording, plan: Mapping[str, Any]) -> Figure:
     """Draw the first channels over time, and their spectra."""
-    from ancf_casadi.records.figures import spectra_figure  # matplotlib is slow to import
+    from ancf_casadi.figures.records import spectra_figure  # matplotlib is slow to import
 
     series: list[tuple[str, Array, Array, tuple[Array, Array]]] = []
     for channel in recording.channels:

@@ -84,7 +84,7 @@ def figure_writers(path: Path | None, draw: Callable[[], Figure]) -> list[Callab
     """Return a function that draws a figure and writes it in the format of its suffix; none without a path."""
 
     def content(suffix: str) -> bytes:
-        from ancf_casadi.plot import figure_bytes  # matplotlib is slow to import
+        from ancf_casadi.figures.files import figure_bytes  # matplotlib is slow to import
 
         return figure_bytes(draw(), suffix)
 

@@ -160,7 +160,7 @@ def _measured_curve(fit: DecayFit) -> DampingCurve | None:
 
 def decay_fit_figure(fits: Mapping[str, DecayFit]) -> Figure:
     """Draw record and fit, the residuals, and damping ratio and frequency against amplitude, by law and by windows."""
-    from ancf_casadi.plot import decay_figure  # matplotlib is slow to import
+    from ancf_casadi.figures.decays import decay_figure  # matplotlib is slow to import
 
     (fit,) = fits.values()
     measured = fit.displacement(fit.time) - fit.residuals
@@ -178,7 +178,7 @@ def decay_fit_figure(fits: Mapping[str, DecayFit]) -> Figure:
 
 def takes_figure(fits: Mapping[str, DecayFits]) -> Figure:
     """Draw the quantities of the mode from each record with 95 % intervals, and their mean."""
-    from ancf_casadi.estimation.figures import agreement_figure, saved_figure  # matplotlib is slow to import
+    from ancf_casadi.figures.fits import agreement_figure, saved_figure  # matplotlib is slow to import
 
     agreements = [a for fit in fits.values() for a in fit.agreements]
     if not agreements:
@@ -188,7 +188,7 @@ def takes_figure(fits: Mapping[str, DecayFits]) -> Figure:
 
 def modes_figure(fits: Mapping[str, DecayModes]) -> Figure:
     """Draw the record, the sum of the modes, the residuals, spectra, and the amplitude of each mode."""
-    from ancf_casadi.plot import decay_modes_figure  # matplotlib is slow to import
+    from ancf_casadi.figures.decays import decay_modes_figure  # matplotlib is slow to import
 
     (modes,) = fits.values()
     first, time = modes[0], modes[0].time

@@ -32,7 +32,7 @@ from ancf_casadi.support.inputs import (
     numbers,
     shown,
 )
-from ancf_casadi.support.tables import Displayed, counted, spread
+from ancf_casadi.support.tables import Displayed, plural, spread
 
 LEAST_LINES = 8
 SCATTER_LINES = 12  # lines on either side over which the scatter of repeated measurements is averaged
@@ -312,7 +312,7 @@ class FrfRecord(Displayed):
         return [f"{name}, input {k}" for name in outputs for k in range(1, self.inputs + 1)]
 
     def _summary(self) -> str:
-        shape = f"{counted(self.outputs, 'output')}, {counted(self.inputs, 'input')}"
+        shape = f"{plural(self.outputs, 'output')}, {plural(self.inputs, 'input')}"
         return f"{self.kind}, {shape}, {len(self.frequencies)} frequencies, {spread(self.frequencies, 'Hz')}"
 
 

@@ -279,7 +279,7 @@ def _constant_errors(trial: TrialFit, fit: Fit, function: int) -> ComplexArray:
 
 def frf_figure(fits: Mapping[str, FrfFit]) -> Figure:
     """Draw measured and fitted functions, amplitude and phase, and their difference."""
-    from ancf_casadi.response.drawing import Curve, bode_figure  # slow to import: matplotlib
+    from ancf_casadi.figures.responses import Curve, bode_figure  # slow to import: matplotlib
     from ancf_casadi.support.figures import COMPUTED, MEASURED
 
     (fit,) = fits.values()

@@ -21,7 +21,7 @@ from ancf_casadi.mechanics.beam import Beam
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.support.arrays import Array, Mask
 from ancf_casadi.support.inputs import is_sequence, numbers, physical, positive, shown
-from ancf_casadi.support.tables import Displayed, counted, spread
+from ancf_casadi.support.tables import Displayed, plural, spread
 
 SMALLEST_STD = 1e-12  # least relative standard deviation
 
@@ -175,7 +175,7 @@ class MeasuredModes(Displayed):
 
     def _summary(self) -> str:
         shapes = f", shapes at {len(self.points)} points" if self.shapes else ""
-        return f"{counted(len(self.frequencies), 'mode')}, {spread(self.frequencies, 'Hz')}{shapes}"
+        return f"{plural(len(self.frequencies), 'mode')}, {spread(self.frequencies, 'Hz')}{shapes}"
 
 
 def _spread(deviations: Any, count: int, where: str) -> tuple[float, ...]:

@@ -389,11 +389,11 @@ class FrequencyMatch(FitResult):
 
 def match_figure(matches: Mapping[str, FrequencyMatch]) -> Figure:
     """Draw frequencies beside targets, and the changes of the properties, with the ranges that the data leave open."""
-    from ancf_casadi import plot  # slow to import: matplotlib
+    from ancf_casadi.figures import beams  # slow to import: matplotlib
 
     (match,) = matches.values()
     fit, space = match.identifiability, match.matching.space
     ends = np.column_stack([fit.factors, fit.factors]) if match.out_of_reach else fit.spread
     changes = {name: ranges for name, ranges in space.by_property(ends - 1).items() if not lumped_kind(name)}
     targets, standard, matched = map(np.array, (match.targets, match.standard, match.frequencies))
-    return plot.match_figure(targets, standard, matched, space.beam, match.beam, changes)
+    return beams.match_figure(targets, standard, matched, space.beam, match.beam, changes)

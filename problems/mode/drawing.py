@@ -12,8 +12,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from ancf_casadi.decay.envelope import draw_against_amplitude
 from ancf_casadi.estimation.prediction import TIME_AXIS
+from ancf_casadi.figures.decays import draw_against_amplitude
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.figures import COMPUTED, MEASURED, literal_text, si_prefix
 from problems.beam.curves.record import ResponseRecord

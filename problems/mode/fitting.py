@@ -34,7 +34,7 @@ from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.support.arrays import Array, root_mean_square
 from ancf_casadi.support.inputs import check_instance, choice, flag, is_sequence, numbers, physical, shown
 from ancf_casadi.support.progress import counter
-from problems.beam.curves.checks import level_notes, oriented, phase_locked
+from problems.beam.curves.checks import level_notes, orient, phase_locked
 from problems.beam.curves.record import ResponseRecord
 from problems.decay.laws import RATIO_BOUNDS, DecayModel, Law, with_priors
 from problems.decay.result import DecayFit
@@ -149,7 +149,7 @@ def fit_mode(
     ]
     factors = [reading_factor(curve) for curve in curves]
     angles = [float(np.angle(factor[0])) for factor in factors]
-    corrections = [oriented(curve, angle) for curve, angle in zip(curves, angles, strict=True)]
+    corrections = [orient(curve, angle) for curve, angle in zip(curves, angles, strict=True)]
     curves = [curve for curve, _ in corrections]
     notes = (*(note for _, note in corrections if note), *level_notes(curves, factors))
     if (

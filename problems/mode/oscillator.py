@@ -54,7 +54,7 @@ from ancf_casadi.decay.first_guess import DecayGuess
 from ancf_casadi.decay.smooth import smooth_nodes
 from ancf_casadi.exceptions import NumericsError
 from ancf_casadi.support.arrays import Array, ComplexArray
-from ancf_casadi.support.compilation import evaluated
+from ancf_casadi.support.compilation import evaluate_dense
 from problems.beam.curves.points import MOST_STEPS, POINTS_CLOSE, CurvePoints, Measured
 from problems.beam.curves.record import BASE_MOTIONS, ResponseRecord
 from problems.decay.laws import DECAY_TERMS, DecayModel
@@ -110,7 +110,7 @@ def response_curve(model: DecayModel, record: ResponseRecord, count: int) -> cs.
 
 def motions_at(curve: cs.Function, amplitude: Array, x: Array) -> tuple[Array, Array, Array, Array]:
     """Return g (m, 3), its derivatives by A, once and twice, and those by the unknowns, (m, 3, n)."""
-    *columns, by_x = evaluated(curve, amplitude, x)
+    *columns, by_x = evaluate_dense(curve, amplitude, x)
     g, slopes, curvatures = (column.reshape(3, -1).T for column in columns)
     return g, slopes, curvatures, by_x.reshape(3, len(amplitude), -1).transpose(1, 0, 2)
 

@@ -22,7 +22,7 @@ from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.inputs import check_instance
 from ancf_casadi.support.tables import Table
-from problems.beam.curves.checks import oriented
+from problems.beam.curves.checks import orient
 from problems.beam.curves.record import BASE_MOTIONS, ResponseRecord
 from problems.decay.law_curve import check_amplitudes, curve_with_bands
 from problems.decay.laws import DECAY_QUANTITIES, DecayModel
@@ -201,7 +201,7 @@ class ModeFit(BlocksResult):
             raise InputError(
                 f"has levels in {record.excitation_unit or 'parts of a load'}; the fit has {has}", "record"
             )
-        oriented_record, note = oriented(record, float(np.angle(reading_factor(record)[0])))
+        oriented_record, note = orient(record, float(np.angle(reading_factor(record)[0])))
         given_constant = block.given_constants.get(names[record.excitation_unit])
         prediction_block = mode_curve_block(self.model, [oriented_record], block.law_names, names, given_constant)
         prediction = prediction_block.predicted(self.fit, self.kind)

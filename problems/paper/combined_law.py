@@ -47,10 +47,10 @@ from problems.paper import table_04
 from problems.paper.air import Air, implied_drag_coefficient, viscous_damping_ratios
 from problems.paper.inputs import AMPLITUDES, ETA2, STANDARD_BEAM, matched_beam, three_laws
 from problems.paper.step import paper_step
-from problems.spec.beam import law_of
+from problems.spec.beam import make_law
 from problems.study.compute import Compute
 from problems.study.drawing import line, new_figure
-from problems.study.step import Finding, LawChoice, table_with_printed
+from problems.study.step import Finding, LawChoice, table_beside_print
 
 REJECTED = 0.01  # probability of Q below which one eta2 does not explain all modes
 AIR = Air(density=1.2, viscosity=1.81e-5)
@@ -200,7 +200,7 @@ def drag_constants(modes: Modes) -> Array:
 
 def ratio_curves(choice: LawChoice, modes: Modes, amplitudes: Sequence[float] | Array) -> Array:
     """Return the equivalent damping ratio of each mode at each tip amplitude (m) under a law, (amplitudes, modes)."""
-    law = law_of(choice.terms, modes.model, choice.name) or SumOfLaws(())
+    law = make_law(choice.terms, modes.model, choice.name) or SumOfLaws(())
     return np.array([law.damping_ratios(modes, np.full(modes.count, amplitude)) for amplitude in amplitudes])
 
 
@@ -242,7 +242,7 @@ def _law_table(fit: CombinedLawFit, drag: float, drag_error: float) -> Table:
     rows += [("η2, all modes", "1/m", fit.eta2), ("drag coefficient", "1", drag)]
     errors = {"value": [*100 * fit.errors[:-1], fit.errors[-1], drag_error]}
     title = "Modal plus quadratic damping for all modes"
-    return table_with_printed(title, ("", "unit", "value"), rows, fit.verdict, errors=errors)
+    return table_beside_print(title, ("", "unit", "value"), rows, fit.verdict, errors=errors)
 
 
 def _drag_table(fit: CombinedLawFit, rows: Sequence[Mapping[str, Any]]) -> Table:
@@ -270,7 +270,7 @@ def _drag_table(fit: CombinedLawFit, rows: Sequence[Mapping[str, Any]]) -> Table
         "Printed η2: with the beam of the study before any change.",
     )
     cells = zip(*columns.values(), strict=True)
-    return table_with_printed("Drag coefficient and viscous damping", [*columns], cells, *notes, errors=errors)
+    return table_beside_print("Drag coefficient and viscous damping", [*columns], cells, *notes, errors=errors)
 
 
 def _mark_synthetic(figure: Figure) -> None:

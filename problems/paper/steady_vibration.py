@@ -21,14 +21,14 @@ from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.figures import Figure
 from problems.paper.inputs import experiments, matched_beam, three_laws
 from problems.paper.step import paper_step
-from problems.spec.beam import law_of
+from problems.spec.beam import make_law
 from problems.spec.motion import RESPONSE_MODES, ResponseSpec, ResponseTables
 from problems.study.compute import Compute
 from problems.study.drawing import new_figure, series
 from problems.study.kinds.experiment import RequestedRun
 from problems.study.kinds.response import SUMMARY_HEADS, curve_numbers, draw_curve, summary_rows
 from problems.study.kinds.transients import run_experiments
-from problems.study.step import Finding, LawChoice, Terms, table_with_printed
+from problems.study.step import Finding, LawChoice, Terms, table_beside_print
 
 RANGE_WIDTH = 5.0  # half-width of the range of frequencies relative to that of the resonance
 RANGE_MARGIN = 1.3  # of the expected change of frequency
@@ -73,7 +73,7 @@ def resonances(compute: Compute, beam: Beam, runs: Sequence[RequestedRun]) -> Fi
         (row["mode"], law.title, 1e3 * row["base_amplitude_m"], 1e3 * row["reached_amplitude_m"], *peaks)
         for (law, row), peaks in zip(rows, summary_rows([curve for curve, _ in curves]), strict=True)
     ]
-    table = table_with_printed("Steady vibration at the base amplitudes of the experiments", heads, cells)
+    table = table_beside_print("Steady vibration at the base amplitudes of the experiments", heads, cells)
     data = [
         {
             "mode": row["mode"],
@@ -112,7 +112,7 @@ def _figure(titles: Mapping[str, str], rows: Sequence[Mapping[str, Any]]) -> Fig
 def resonance(beam: Beam, terms: Terms, amplitude: float, frequencies: tuple[float, float], mode: int) -> Resonance:
     """Return the response curve under a base amplitude (m), and the amplitude of the driven mode along it."""
     model = Model(beam)
-    law, count = law_of(terms, model, "damping"), max(RESPONSE_MODES, mode)
+    law, count = make_law(terms, model, "damping"), max(RESPONSE_MODES, mode)
     task = ResponseTables(model, law, ResponseSpec(frequencies, amplitude, points=24), count, {})
     curve = task.curve(amplitude)
     amplitudes = []

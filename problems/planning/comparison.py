@@ -23,7 +23,7 @@ from ancf_casadi.mechanics.model import Model
 from ancf_casadi.support.inputs import check_instance, choice, instances, whole
 from ancf_casadi.support.interrupts import lasting_interrupts
 from ancf_casadi.support.parallel import run_all
-from ancf_casadi.support.tables import Reported, Table, counted
+from ancf_casadi.support.tables import Reported, Table, plural
 from problems.beam.fitting import beam_problem, fit_beam
 from problems.beam.result import law_name
 from problems.planning.experiments import check_candidates, plan
@@ -84,7 +84,7 @@ class PlannedComparison(Reported):
         return {"kind": self.kind, "laws": list(self.names), "pairs": pairs, "right": self.right}
 
     def _summary(self) -> str:
-        return f"{counted(len(self.right), 'candidate')} for {', '.join(self.names)}"
+        return f"{plural(len(self.right), 'candidate')} for {', '.join(self.names)}"
 
 
 @lasting_interrupts()

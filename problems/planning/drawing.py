@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from ancf_casadi.beam_symbols import draw_symbols
+from ancf_casadi.figures.symbols import draw_symbols
 from ancf_casadi.support.figures import MEASURED, SERIES, literal_text, plain_log_ticks
 from ancf_casadi.vibration.statics import static_equilibrium
 from problems.planning.comparison import PlannedComparison

@@ -16,7 +16,7 @@ from ancf_casadi.exceptions import FitError, InputError
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.inputs import check_instance, choice, physical, whole
-from ancf_casadi.support.tables import Reported, Table, counted, finite, finite_or_none
+from ancf_casadi.support.tables import Reported, Table, finite, finite_or_none, plural
 from problems.planning.design import Design, ExpectedRecord, best_subset
 from problems.planning.record import Template
 
@@ -298,7 +298,7 @@ class Plan(Reported):
         return finite(data)
 
     def _summary(self) -> str:
-        return f"{counted(len(self.names), 'candidate')} for {', '.join(self.guess)}"
+        return f"{plural(len(self.names), 'candidate')} for {', '.join(self.guess)}"
 
     @cached_property
     def _sizes(self) -> Array:

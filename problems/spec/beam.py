@@ -77,7 +77,7 @@ class DampedBeam:
 def read_beam(source: str | StudyFile) -> Document:
     """Read the beam of a TOML file, or the JSON document that holds it with its damping."""
     file = StudyFile.of(source)
-    table, where = file.needed("beam"), file.where("beam")
+    table, where = file.require("beam"), file.where("beam")
     if isinstance(table, dict) and "document" in table:
         name = convert(table, DocumentName, where).document
         with error_prefix("" if is_document(file.path) else f"{where}: document"):
@@ -87,13 +87,13 @@ def read_beam(source: str | StudyFile) -> Document:
         return Document(Model(spec.beam()))
 
 
-def read_damped(source: str | StudyFile) -> Document:
+def read_damped_beam(source: str | StudyFile) -> Document:
     """Read a beam and its damping; the damping of a document holds unless the file has its own."""
     beam = DampedBeam.of(StudyFile.of(source))
     return replace(beam.source, damping=beam.damping)
 
 
-def law_of(terms: Sequence[Any], model: Model, where: str) -> DampingLaw | None:
+def make_law(terms: Sequence[Any], model: Model, where: str) -> DampingLaw | None:
     """Return the sum of terms given as tables [[damping]]; None if there are none."""
     specs: list[LawSpec] = [convert(table, LawSpec, where) for table in terms]
     return sum_laws([spec.law(model, where) for spec in specs])

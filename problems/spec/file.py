@@ -84,7 +84,7 @@ class StudyFile:
         """Return the place of a table, for messages."""
         return f"{self.path}: [{name}]"
 
-    def needed(self, name: str, why: str = "run --keys lists its keys") -> Any:
+    def require(self, name: str, why: str = "run --keys lists its keys") -> Any:
         """Return a table that the command needs."""
         if name not in self.tables:
             raise InputError(f"the table is missing; {why}", self.where(name))

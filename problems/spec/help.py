@@ -20,11 +20,11 @@ def keys_help(schema: Schema) -> str:
         shared = {
             key: value for key, value in first.items() if others and all(keys.get(key) == value for keys in others)
         }
-        lines += fold(f"each has {_described(shared)}") if shared else []
+        lines += fold(f"each has {_describe(shared)}") if shared else []
         for kind in kinds:
             keys = {key: value for key, value in kind["properties"].items() if key not in shared}
             text = kind["description"].rstrip(".")
-            lines += fold(": ".join([text, _described(keys)]) if keys else text)
+            lines += fold(": ".join([text, _describe(keys)]) if keys else text)
     return "\n".join(lines) + "\n"
 
 
@@ -51,7 +51,7 @@ def tables(schema: Schema, definitions: Schema) -> list[Schema]:
     return alternatives
 
 
-def _described(properties: Schema) -> str:
+def _describe(properties: Schema) -> str:
     """Return keys with their descriptions, or with the values that they may have."""
     texts = []
     for key, value in properties.items():

@@ -31,7 +31,7 @@ from ancf_casadi.support.inputs import error_prefix, physical, shown, unit_vecto
 from ancf_casadi.support.specs import Pair, Positive, Spec, convert
 from ancf_casadi.vibration.equilibrium import Equilibrium
 from ancf_casadi.vibration.statics import static_equilibrium
-from problems.spec.beam import DampedBeam, read_damped
+from problems.spec.beam import DampedBeam, read_damped_beam
 from problems.spec.file import StudyFile, convert_groups
 from problems.spec.record_files import ColumnName, FileSpec
 
@@ -144,7 +144,7 @@ def _base(file: StudyFile, table: Any, where: str) -> Maker:
     """Convert a base motion, of one of four kinds that the keys of its table tell apart."""
     keys = set(table) if isinstance(table, dict) else set()
     if "file" in keys:
-        return _sampled(file, table, SampledBase, BaseColumns, ("position", "position", "slope"), where)
+        return _read_samples(file, table, SampledBase, BaseColumns, ("position", "position", "slope"), where)
     fixed = keys and keys <= {"displacement", "rotation"}
     base = convert(table, SweepBase if "frequencies" in keys else FixedBase if fixed else HarmonicBase, where)
     return lambda model: base
@@ -154,7 +154,7 @@ def _load(file: StudyFile, table: Any, where: str) -> Maker:
     """Convert a load at the tip, of one of four kinds that the keys of its table tell apart."""
     keys = set(table) if isinstance(table, dict) else set()
     if "file" in keys:
-        return _sampled(file, table, SampledLoad, LoadColumns, ("force", "force", "moment"), where)
+        return _read_samples(file, table, SampledLoad, LoadColumns, ("force", "force", "moment"), where)
     load = convert(table, LoadValues if "time" in keys else MovingForce if "speed" in keys else HarmonicLoad, where)
     if isinstance(load, LoadValues):
         with error_prefix(where):
@@ -173,7 +173,7 @@ def _release(file: StudyFile, table: Any, where: str) -> Maker:
     return start
 
 
-def _sampled(
+def _read_samples(
     file: StudyFile, table: Any, kind: Any, columns: type[Spec], quantities: tuple[Quantity, ...], where: str
 ) -> Maker:
     """Convert an excitation with the times and columns of a file, in SI units; one without a column is zero."""
@@ -219,7 +219,7 @@ class SimulationTables(StepTables):
         """Convert the tables of a file."""
         file = StudyFile.of(source)
         beam, where = DampedBeam.of(file), file.where("simulation")
-        settings = convert(file.needed("simulation"), SimulationSpec, where).set_fields()
+        settings = convert(file.require("simulation"), SimulationSpec, where).set_fields()
         _check_size(settings, beam.model, where)
         if "start" in settings and "release" in file.tables:
             raise InputError("is given by the table [release]; leave it out", f"{where}: start")
@@ -340,13 +340,13 @@ class ResponseTables:
 def read_response(source: str | StudyFile) -> ResponseTables:
     """Read a beam, its damping, and its harmonic excitation over a range of frequencies."""
     file = StudyFile.of(source)
-    return replace(convert_response(file), damping=read_damped(file).damping)
+    return replace(convert_response(file), damping=read_damped_beam(file).damping)
 
 
 def convert_response(file: StudyFile) -> ResponseTables:
     """Return what ``read_response`` does without the damping law, which may need the natural modes of the beam."""
     model, where = DampedBeam.of(file).model, file.where("response")
-    table = convert(file.needed("response"), ResponseSpec, where)
+    table = convert(file.require("response"), ResponseSpec, where)
     first, last = table.frequencies
     if first == last:
         raise InputError(f"must be [FROM, TO], two different values, got {first:g} twice", f"{where}: frequencies")

@@ -104,7 +104,7 @@ class PlanTables(StepTables):
         """Convert the tables of a file."""
         file = StudyFile.of(source)
         beam, where = DampedBeam.of(file), file.where("candidates")
-        file.needed("candidates", "each names an experiment that could be done")
+        file.require("candidates", "each names an experiment that could be done")
         makers: dict[str, Callable[[], PlannedRecord]] = {}
         for k, candidate in enumerate(file.several("candidates"), start=1):
             name = candidate.get("name", f"candidate {k}") if isinstance(candidate, dict) else ""
@@ -121,19 +121,19 @@ class PlanTables(StepTables):
         """The experiments that could be done."""
         return {name: make() for name, make in self.makers.items()}
 
-    def planned(self) -> Plan:
+    def plan(self) -> Plan:
         """Return the plan."""
         candidates = self.candidates
         with error_prefix(self.file.where("fit")):
             return plan(self.model, candidates, self.damping, **self.settings)
 
-    def compared(self) -> PlannedComparison:
+    def compare(self) -> PlannedComparison:
         """Return the probabilities that the candidates tell the laws apart."""
         candidates, laws = self.candidates, sums_of_laws(self.beam, self.law_terms)
         with error_prefix(self.file.where("fit")):
             return plan_comparison(self.model, candidates, laws, **self.settings)
 
-    def chosen(self, planned: Plan) -> dict[str, Any]:
+    def choose(self, planned: Plan) -> dict[str, Any]:
         """Return goal and budget, the best list with its standard errors, and the best shares, for JSON."""
         table = self.table
         with error_prefix(self.file.where("plan")):

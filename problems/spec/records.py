@@ -201,7 +201,7 @@ class Measurements(StepTables):
         if beam.undamped and (file.several("records") or file.several("curves")):
             raise InputError("the table is missing; its parameters are the unknowns", file.where("damping"))
         if not any(file.several(name) for name in NUMBERS):
-            file.needed("records", f"it names the file to fit; or add {', '.join(f'[[{name}]]' for name in NUMBERS)}")
+            file.require("records", f"it names the file to fit; or add {', '.join(f'[[{name}]]' for name in NUMBERS)}")
         converters = {
             "records": _motion, "frequencies": _frequencies, "statics": _static, "curves": _curve,
             "predictions": _motion,

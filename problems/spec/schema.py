@@ -58,7 +58,7 @@ def file_schema(study: type, further: Mapping[str, type], steps: Mapping[str, ty
     kinds = [object_schema((kind,), definitions) for kind in steps.values()]
     for name, kind in zip(steps, kinds, strict=True):
         kind["properties"] = {"kind": {"const": name}, **kind["properties"]}
-    several |= {"damping": _described(LawSpec, definitions), "steps": {"anyOf": kinds}}
+    several |= {"damping": _describe(LawSpec, definitions), "steps": {"anyOf": kinds}}
     for name, table in several.items():
         definitions[name] = table
         reference = {"$ref": f"#/$defs/{name}"}
@@ -88,7 +88,7 @@ def object_schema(declarations: tuple[Any, ...], definitions: dict[str, Any], *,
     for declared in declarations:
         hints = get_type_hints(declared, include_extras=True)
         for field in listed_fields(declared):
-            properties[field.encode_name] = _described(hints[field.name], definitions) | _default(field.default)
+            properties[field.encode_name] = _describe(hints[field.name], definitions) | _default(field.default)
             required += [field.encode_name] if field.required else []
     description = " ".join(declarations[0].__doc__.partition("\n\n")[0].split())
     schema = {"type": "object", "description": description, "properties": properties}
@@ -101,7 +101,7 @@ def _default(value: Any) -> dict[str, Any]:
     return {} if plain in (None, "", (), math.inf) or plain != plain else {"default": plain}
 
 
-def _described(hint: Any, definitions: dict[str, Any]) -> dict[str, Any]:
+def _describe(hint: Any, definitions: dict[str, Any]) -> dict[str, Any]:
     """Return the schema of a type, and add the definitions to which it refers."""
     try:
         (schema,), components = msgspec.json.schema_components([hint], ref_template="#/$defs/{name}")

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from ancf_casadi.support.arrays import Array
-from ancf_casadi.support.figures import SERIES, Axes, Figure, literal_text
+from ancf_casadi.support.figures import DOTS_PER_INCH, SERIES, Axes, Figure, literal_text
 
 FIGURE_WIDTH = 5.2  # inches
 STYLE: dict[Any, Any] = {
@@ -57,8 +57,6 @@ def drawn(caption: str, draw: Callable[[], Figure], formats: Sequence[str] = FOR
     if not formats:
         return Drawing(caption, "", b"")
     from matplotlib import rc_context  # slow to import
-
-    from ancf_casadi.plot import DOTS_PER_INCH
 
     with _one_at_a_time, rc_context(STYLE):
         figure = literal_text(draw)()

@@ -127,7 +127,7 @@ def _step(study: Study, table: dict[str, Any], name: str, where: str) -> Step:
     place = f"{where}: {name}"
     keys = {"title": kind.heading, **_with_laws(table, study, place), "name": name}
     del keys["kind"]
-    return replace(convert(keys, kind, place).checked(study, place), printed_by=study.printed_by, where=place)
+    return replace(convert(keys, kind, place).prepare(study, place), printed_by=study.printed_by, where=place)
 
 
 def _with_laws(plain_table: Any, study: Study, where: str) -> dict[str, Any]:

@@ -74,7 +74,7 @@ class LawChoice:
         """Names of the steps that find terms."""
         return tuple(term["step"] for term in self.terms if "step" in term)
 
-    def resolved(self, findings: Findings) -> LawChoice:
+    def resolve(self, findings: Findings) -> LawChoice:
         """Return the law with terms in place of references."""
         for name in self.needs:
             if not findings[name].terms:
@@ -99,7 +99,7 @@ def printed_numbers(table: Printed, columns: Mapping[str, int], where: str) -> P
     return {name: [None if number != number else number for number in values] for name, values in table.items()}
 
 
-def table_with_printed(
+def table_beside_print(
     title: str,
     heads: Sequence[str],
     rows: Iterable[Sequence[Cell]],
@@ -137,7 +137,7 @@ class Step:
     where: Annotated[str, UNLISTED] = ""  # its place in the file, for messages
     file: Annotated[StudyFile, UNLISTED] = NO_FILE  # with the tables that its computations read
 
-    def checked(self, study: Study, where: str) -> Self:
+    def prepare(self, study: Study, where: str) -> Self:
         """Return the step with what it takes from its study; messages call its place ``where``."""
         return replace(self, file=study.file.only(self.reading)) if self.reading else self
 
@@ -204,7 +204,7 @@ class Study:
                 return law
         raise InputError(f"there is no law {shown(name)}; [[laws]] names them", where)
 
-    def shortened(self) -> Study:
+    def shorten(self) -> Study:
         """Return the study of a quick look, without the steps that it leaves out, and without those that need them."""
         steps = {step.name: step for step in self.steps if step.quick}
         while missing := [name for name, step in steps.items() if not set(step.needs) <= {"", *steps}]:

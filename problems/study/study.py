@@ -26,7 +26,7 @@ from typing import Any
 from ancf_casadi.support.files import check_folder, check_path, write_files
 from ancf_casadi.support.inputs import check_instance, flag, instances, whole
 from ancf_casadi.support.interrupts import lasting_interrupts
-from ancf_casadi.support.tables import Displayed, counted, to_json
+from ancf_casadi.support.tables import Displayed, plural, to_json
 from ancf_casadi.version import __version__
 from problems.spec.schema import file_schema, object_schema
 from problems.study.formatting import formatted_table, numeric_table
@@ -92,7 +92,7 @@ class StudyReport(Displayed):
         return "\n\n".join(texts)
 
     def _summary(self) -> str:
-        return f"{str(self.page or '')!r}, {counted(len(self.steps), 'step')}, {counted(len(self.warnings), 'warning')}"
+        return f"{str(self.page or '')!r}, {plural(len(self.steps), 'step')}, {plural(len(self.warnings), 'warning')}"
 
 
 def study_schema() -> dict[str, Any]:
@@ -177,7 +177,7 @@ def write_study(
     """
     check_instance(executor, "executor", Executor, NoneType)
     folder = None if out is None else check_folder(out)
-    study = whole_study.shortened() if flag(quick, "quick") else whole_study
+    study = whole_study.shorten() if flag(quick, "quick") else whole_study
     if jobs is None:
         jobs = 1 if len(study.steps) <= FEW_STEPS else os.cpu_count() or 1
     formats: tuple[str, ...] = () if folder is None else ("svg",) if quick else ("svg", "png")

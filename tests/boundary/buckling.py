@@ -29,7 +29,7 @@ def turned(model, angles):
 
 def settled(model, e):
     """Return the equilibrium next to some coordinates; None if Newton's method does not find it."""
-    way = model.moved(model.of_free(e)) + model.whole_of_base @ [0.0, 0.0, 1.0, 0.0] - e
+    way = model.with_fixed_base(model.of_free(e)) + model.whole_of_base @ [0.0, 0.0, 1.0, 0.0] - e
     at = neighbouring_equilibrium(Structure.of(model), Position.of(e), support_motion=way)
     return at and Equilibrium(model, at.coordinates, remainder=at.remainder)
 

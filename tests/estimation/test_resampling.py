@@ -108,8 +108,8 @@ def test_blocks_stay_within_a_record_and_a_coordinate(transient, monkeypatch):
     monkeypatch.setattr(sys.modules["ancf_casadi.estimation.solver.least_squares"], "least_squares", stand_in)
     for fit, series in ((transient, (13, 13)), (both, (300, 200))):
         assert fit.fit.series == series
-        counted = [np.arange(size) - (size - 1) / 2 for size in series]
-        labels = np.concatenate([1.0 * counted[0], 1000.0 * counted[1]])
+        plural = [np.arange(size) - (size - 1) / 2 for size in series]
+        labels = np.concatenate([1.0 * plural[0], 1000.0 * plural[1]])
         labelled = replace(fit, fit=replace(fit.fit, residuals=labels))
         block = block_length(labelled.fit)
         assert block > 2

@@ -21,7 +21,7 @@ from ancf_casadi import (
     static_equilibrium,
 )
 from ancf_casadi.damping import FRICTION_CONSTANT
-from ancf_casadi.plot import figure_bytes
+from ancf_casadi.figures.files import figure_bytes
 from ancf_casadi.vibration.statics import primary_equilibrium
 
 

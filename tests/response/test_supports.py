@@ -182,7 +182,7 @@ def test_a_beam_is_its_own_mirror_image_unless_something_is_oblique_or_bent(chan
     u = np.zeros(12)
     u[[1, 4, 7, 10]] = rng.normal(size=4)  # across the beam
     forces = balance(q, v, a, u, system.values).full().ravel()
-    across = np.tile([1.0, -1.0], model.size // 2) * model.moved(np.ones(model.freedoms))
+    across = np.tile([1.0, -1.0], model.size // 2) * model.with_fixed_base(np.ones(model.freedoms))
     signs = system.mirror if symmetric else np.round(model.of_free(across))
     mirrored = balance(*(signs * vector for vector in (q, v, a)), -u, system.values).full().ravel()
     assert np.allclose(mirrored, signs * forces, rtol=1e-9, atol=1e-9 * np.abs(forces).max()) == symmetric

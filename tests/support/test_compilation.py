@@ -27,7 +27,7 @@ from ancf_casadi import (
     static_equilibrium,
 )
 from ancf_casadi.support import compilation
-from ancf_casadi.support.compilation import c_compiler, cache_folder, compiled, interpreted
+from ancf_casadi.support.compilation import c_compiler, cache_folder, compile_function, expand_function
 
 needs_compiler = pytest.mark.skipif(not (shutil.which("cc") or shutil.which("gcc")), reason="no C compiler")
 X = np.array([0.3, -1.2, 2.0])
@@ -72,36 +72,36 @@ class TestWithACompiler:
     def test_a_function_and_its_derivatives_are_those_of_the_virtual_machine(self):
         function, seed = a_function(), np.array([1.0, -2.0, 0.5])
         slope = 3.0 * (np.diag(np.cos(X)) * X[0] + np.outer(np.sin(X), [1.0, 0.0, 0.0]))
-        for value in (compiled(function, derivatives=True), interpreted(function)):
+        for value in (compile_function(function, derivatives=True), expand_function(function)):
             assert is_right(value)
             assert value.forward(1)(X, 1.5, 0.0, seed, 0.0).full().ravel() == pytest.approx(slope @ seed, rel=1e-14)
             assert value.reverse(1)(X, 1.5, 0.0, seed)[0].full().ravel() == pytest.approx(slope.T @ seed, rel=1e-14)
 
     def test_a_compiled_function_tells_which_outputs_depend_on_which_inputs(self):
         x = cs.MX.sym("x", 3)
-        function = compiled(cs.Function("squares", [x], [x**2, x[0]]))
+        function = compile_function(cs.Function("squares", [x], [x**2, x[0]]))
         assert function.jac_sparsity(0, 0) == cs.Sparsity.diag(3)
         assert function.jac_sparsity(1, 0).nnz() == 1
 
     def test_a_compiled_function_is_found_again_and_another_compiled_anew(self, cache):
-        compiled(a_function())
+        compile_function(a_function())
         files = {path: path.stat().st_mtime_ns for path in cache.iterdir()}
-        compiled(a_function())
+        compile_function(a_function())
         assert {path: path.stat().st_mtime_ns for path in cache.iterdir()} == files
-        compiled(a_function(3.0))
+        compile_function(a_function(3.0))
         assert len(list(cache.iterdir())) == len(files) + 1
 
     def test_derivatives_need_no_further_library_of_a_function_that_has_none(self, cache):
-        """Regression: a fit compiled the passes that a simulation had compiled before."""
+        """A fit takes the passes that a simulation has compiled."""
         x = cs.MX.sym("x")
         for derivatives in (False, True):
-            compiled(cs.Function("square", [x], [x**2], {"is_diff_in": [False]}), derivatives=derivatives)
+            compile_function(cs.Function("square", [x], [x**2], {"is_diff_in": [False]}), derivatives=derivatives)
         assert len(list(cache.glob("square-*.so"))) == 1
 
     def test_the_compiler_may_be_named_with_options(self, cache, monkeypatch):
-        """Regression: ``CC="gcc -O1"`` was taken as the name of a program, and silently nothing was compiled."""
+        """``CC`` may hold options, as in ``CC="gcc -O1"``."""
         monkeypatch.setenv("CC", f"{shutil.which('gcc') or shutil.which('cc')} -O1 -DSOME='a b'")
-        assert is_right(compiled(a_function()))
+        assert is_right(compile_function(a_function()))
         assert len(list(cache.glob("product-*.so"))) == 1
 
     @pytest.mark.slow
@@ -165,56 +165,56 @@ class TestCache:
     )
     def test_a_damaged_library_is_built_anew(self, cache, damage):
         """An empty library caused a traceback in every later run, and a truncated one killed the process."""
-        compiled(a_function())
+        compile_function(a_function())
         (library,) = cache.glob("*.so")
         whole = library.read_bytes()
         library.unlink()
         library.write_bytes(damage(whole))
         library.chmod(0o700)
-        assert is_right(compiled(a_function()))
+        assert is_right(compile_function(a_function()))
         assert [path.read_bytes() for path in cache.glob("*.so")] == [whole]
 
     @pytest.mark.parametrize("mode", [0o770, 0o707])
     def test_a_library_in_a_folder_that_others_can_write_does_not_run(self, cache, mode):
-        """Regression: the name of a library was enough for it to be loaded."""
+        """A library whose contents differ from the digest in its name is not loaded."""
         for factor in (2.0, 3.0):
-            compiled(a_function(factor))
+            compile_function(a_function(factor))
         two, three = (next(p for p in cache.iterdir() if _factor(p) == factor) for factor in (2.0, 3.0))
         stem, digest = two.name.rsplit("-", 1)[0], three.name.rsplit("-", 1)[1]
         os.replace(three, cache / f"{stem}-{digest}")
         two.unlink()
-        assert is_right(compiled(a_function()), factor=3.0)  # what an intruder could do
+        assert is_right(compile_function(a_function()), factor=3.0)  # what an intruder could do
         cache.chmod(mode)
         with pytest.warns(UserWarning, match=r"cache can be written by others \(chmod go-w\)"):
-            assert is_right(compiled(a_function()))
+            assert is_right(compile_function(a_function()))
         assert len(list(cache.iterdir())) == 1
         with warnings.catch_warnings():
             warnings.simplefilter("error")
-            assert is_right(compiled(a_function(4.0)), factor=4.0)  # said once
+            assert is_right(compile_function(a_function(4.0)), factor=4.0)  # said once
 
     def test_nor_one_below_a_folder_that_others_can_write(self, tmp_path, monkeypatch):
         (tmp_path / "open").mkdir()
         (tmp_path / "open").chmod(0o777)
         monkeypatch.setenv("ANCF_CASADI_CACHE", str(tmp_path / "open" / "cache"))
         with pytest.warns(UserWarning, match="open can be written by others"):
-            assert is_right(compiled(a_function()))
+            assert is_right(compile_function(a_function()))
         assert not list((tmp_path / "open" / "cache").iterdir())
 
     def test_nor_one_in_the_folder_of_another_user(self, cache, monkeypatch):
-        compiled(a_function())
+        compile_function(a_function())
         monkeypatch.setattr(os, "geteuid", lambda: 12345)
         with pytest.warns(UserWarning, match="cache belongs to another user"):
-            assert is_right(compiled(a_function()))
+            assert is_right(compile_function(a_function()))
 
     def test_nor_one_that_others_can_write_itself(self, cache):
-        compiled(a_function())
+        compile_function(a_function())
         (library,) = cache.iterdir()
         library.chmod(0o777)
-        assert is_right(compiled(a_function()))
+        assert is_right(compile_function(a_function()))
         assert [path.stat().st_mode & 0o777 for path in cache.iterdir()] == [0o700]
 
     def test_a_user_without_a_home(self, monkeypatch, tmp_path):
-        """Regression: ``Path.home()`` raised RuntimeError."""
+        """Without a home, ``Path.home()`` raises RuntimeError."""
 
         def nobody(_):
             raise KeyError
@@ -224,23 +224,23 @@ class TestCache:
         monkeypatch.setattr(pwd, "getpwuid", nobody)
         compilation._private_folder.cache_clear()
         with pytest.warns(UserWarning, match="there is no home folder; set ANCF_CASADI_CACHE"):
-            assert is_right(compiled(a_function()))
+            assert is_right(compile_function(a_function()))
         monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
         assert cache_folder() == tmp_path / "ancf-casadi"
 
     def test_a_cache_that_is_a_file(self, cache):
         cache.write_text("")
         with pytest.warns(UserWarning, match="cache: File exists"):
-            assert is_right(compiled(a_function()))
+            assert is_right(compile_function(a_function()))
 
     def test_drafts_of_killed_compilers_are_removed(self, cache):
-        """Regression: SIGKILL left drafts for good."""
+        """The next compilation removes what a killed one left."""
         cache.mkdir(mode=0o700)
         for name, age in (("tmpold", 3600.0), ("tmpnew", 1.0)):
             (cache / name).mkdir()
             (cache / name / "source.c").write_text("")
             os.utime(cache / name, (time.time() - age,) * 2)
-        compiled(a_function())
+        compile_function(a_function())
         assert [path.name for path in cache.iterdir() if path.is_dir()] == ["tmpnew"]
 
 
@@ -268,37 +268,37 @@ class TestUnusableLibraries:
             pytest.skip("no gcc")
         monkeypatch.setenv("CC", fake_compiler(tmp_path, script))
         with pytest.warns(UserWarning, match=f"fails: .*({reason}).*uncompiled"):
-            assert is_right(compiled(a_function()))
+            assert is_right(compile_function(a_function()))
         assert not list(cache.iterdir())
 
     @needs_compiler
     def test_a_folder_in_place_of_a_library_is_replaced(self, cache):
-        compiled(a_function())
+        compile_function(a_function())
         (library,) = cache.iterdir()
         library.unlink()
         (library / "more").mkdir(parents=True)
-        assert is_right(compiled(a_function()))
+        assert is_right(compile_function(a_function()))
         assert library.is_file()
 
     @needs_compiler
     def test_a_library_that_vanishes_after_its_check_is_done_without(self, cache, monkeypatch):
         monkeypatch.setattr(compilation, "_kept", lambda folder, stem: folder / "gone.so")
         with pytest.warns(UserWarning, match=r"gone\.so cannot be loaded; .*uncompiled"):
-            assert is_right(compiled(a_function()))
+            assert is_right(compile_function(a_function()))
 
     @pytest.mark.parametrize("command", ['"x', "gcc 'a", "\\"], ids=["double", "single", "backslash"])
     def test_a_command_with_an_open_quotation_is_shown(self, cache, monkeypatch, command):
         monkeypatch.setenv("CC", command)
         with pytest.warns(UserWarning, match="No such file"):
-            assert is_right(compiled(a_function()))
+            assert is_right(compile_function(a_function()))
 
 
 class TestEnding:
     """A compiler and its own processes end at once with the work that asked for it."""
 
     CODE = (
-        "import casadi as cs; from ancf_casadi.support.compilation import compiled; {context}; x = cs.MX.sym('x'); "
-        "print('begin', flush=True); compiled(cs.Function('f', [x], [x**2]))"
+        "import casadi as cs; from ancf_casadi.support.compilation import compile_function; {context}; "
+        "x = cs.MX.sym('x'); print('begin', flush=True); compile_function(cs.Function('f', [x], [x**2]))"
     )
     NOTED = "from ancf_casadi.support.interrupts import delayed_interrupts as d; c = d(); c.__enter__()"
 
@@ -341,7 +341,7 @@ class TestWithoutACompiler:
     def test_compilation_can_be_turned_off(self, cache, monkeypatch):
         monkeypatch.setenv("ANCF_CASADI_COMPILE", "0")
         monkeypatch.setenv("CC", "no-such-compiler")
-        assert is_right(compiled(a_function()))
+        assert is_right(compile_function(a_function()))
         assert not cache.exists()
 
     @pytest.mark.parametrize(
@@ -355,7 +355,7 @@ class TestWithoutACompiler:
         monkeypatch.setenv("CC", command)
         with pytest.warns(UserWarning, match=f"{command} fails: {said}; .*pip install ziglang") as caught:
             for factor in (2.0, 3.0, 4.0):
-                assert is_right(compiled(a_function(factor)), factor)
+                assert is_right(compile_function(a_function(factor)), factor)
         assert len(caught) == 1
         assert (tmp_path / "calls").read_text().split() == ["x"]
         assert not list(cache.iterdir())
@@ -363,7 +363,7 @@ class TestWithoutACompiler:
     def test_a_compiler_that_is_not_there_is_told_of(self, monkeypatch):
         monkeypatch.setenv("CC", "no-such-compiler -O1")
         with pytest.warns(UserWarning, match="no-such-compiler -O1 fails: .*No such file"):
-            assert is_right(compiled(a_function()))
+            assert is_right(compile_function(a_function()))
 
     @pytest.mark.slow
     def test_that_there_is_none_is_told_once_in_a_process(self, cache):
@@ -394,14 +394,14 @@ class TestWithoutACompiler:
         pytest.importorskip("ziglang")
         monkeypatch.delenv("CC", raising=False)
         monkeypatch.setenv("PATH", "/nonexistent")
-        assert is_right(compiled(a_function()))
+        assert is_right(compile_function(a_function()))
         assert len(list(cache.glob("product-*.so"))) == 1
 
     def test_drafts_of_a_compiler_that_is_stopped_go_with_its_folder(self, tmp_path, monkeypatch, cache):
-        """Regression: the drafts stayed in the folder of temporary files."""
+        """Drafts go with the compiler that wrote them."""
         monkeypatch.setenv("CC", fake_compiler(tmp_path, 'touch "$TMPDIR/draft.s"; exit 1'))
         (tmp_path / "temporary").mkdir()
         monkeypatch.setenv("TMPDIR", str(tmp_path / "temporary"))
         with pytest.warns(UserWarning, match="exit code 1"):
-            assert is_right(compiled(a_function()))
+            assert is_right(compile_function(a_function()))
         assert not [*cache.iterdir(), *(tmp_path / "temporary").iterdir()]

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from ancf_casadi.estimation.figures import criteria_figure, scatter_figure
-from ancf_casadi.plot import figure_bytes
-from ancf_casadi.records.figures import record_figure, spectra_figure
+from ancf_casadi.figures.files import figure_bytes
+from ancf_casadi.figures.fits import criteria_figure, scatter_figure
+from ancf_casadi.figures.records import record_figure, spectra_figure
 from ancf_casadi.support.figures import literal_text, si_prefix
 
 FORMULA = r"$\undefined$, $5"

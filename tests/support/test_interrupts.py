@@ -19,7 +19,7 @@ from ancf_casadi.estimation.solver.nlp import solve_nlp
 from ancf_casadi.support.interrupts import (
     REPEAT,
     delayed_interrupts,
-    interrupted,
+    has_interrupt,
     lasting_interrupts,
     noted_interrupts,
     raised_endings,
@@ -61,18 +61,18 @@ def test_ctrl_c_ends_a_solver_with_the_iteration_it_meets(monkeypatch):
 def test_a_delayed_interrupt_is_raised_at_the_end_in_place_of_another_error():
     reached = []
     with pytest.raises(KeyboardInterrupt), delayed_interrupts():
-        assert not interrupted()
+        assert not has_interrupt()
         signal.raise_signal(signal.SIGINT)
-        assert interrupted()
+        assert has_interrupt()
         reached.append(1)
         raise RuntimeError("what a library makes of it")
-    assert reached and not interrupted()
+    assert reached and not has_interrupt()
 
 
 def test_without_an_interrupt_nothing_is_raised():
     with delayed_interrupts(), noted_interrupts() as noted:
         pass
-    assert not noted and not interrupted()
+    assert not noted and not has_interrupt()
     with pytest.raises(RuntimeError, match="own"), delayed_interrupts():
         raise RuntimeError("own")
 

@@ -16,11 +16,11 @@ def test_a_file_stays_empty(monkeypatch):
 
 
 def test_steps_are_counted_by_the_open_counter_alone(monkeypatch):
-    counted = []
-    monkeypatch.setattr(progress.tqdm, "update", lambda bar, n=1: counted.append(n))
+    plural = []
+    monkeypatch.setattr(progress.tqdm, "update", lambda bar, n=1: plural.append(n))
     progress.count_step()
     with progress.counter("fit"):
         progress.count_step()
         progress.count_step()
     progress.count_step()
-    assert counted == [1, 1]
+    assert plural == [1, 1]

@@ -17,7 +17,7 @@ import pytest
 
 from ancf_casadi import InputError
 from ancf_casadi.support.files import check_file, check_folder, write_file, write_files
-from ancf_casadi.support.tables import Displayed, Table, counted, spread, to_json, wrap_report
+from ancf_casadi.support.tables import Displayed, Table, plural, spread, to_json, wrap_report
 
 TABLE = Table(
     "one",
@@ -85,7 +85,11 @@ class TestOneLine:
         assert repr(type("Law", (Displayed,), {})()) == "Law()"
 
     def test_counts_and_ranges_read_as_words(self):
-        assert (counted(1, "mode"), counted(0, "mode"), counted(5, "mode")) == ("1 mode", "0 modes", "5 modes")
+        assert (plural(1, "mode"), plural(0, "mode"), plural(5, "mode")) == (
+            "1 mode",
+            "0 modes",
+            "5 modes",
+        )
         assert (spread([1.0, 3.0, 2.0], "Hz"), spread([2.0], "s"), spread([], "s")) == ("1 to 3 Hz", "2 s", "no s")
 
 

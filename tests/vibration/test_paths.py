@@ -19,7 +19,7 @@ from ancf_casadi import (
     equilibrium_path,
     natural_modes,
 )
-from ancf_casadi.plot import figure_bytes
+from ancf_casadi.figures.files import figure_bytes
 from tests.boundary.cases import REFERENCES
 from tests.boundary.statics import FEET, RISE, section_of
 

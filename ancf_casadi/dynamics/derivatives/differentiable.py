@@ -32,7 +32,7 @@ from ancf_casadi.mechanics.state import State
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.callbacks import callback_function
 from ancf_casadi.support.inputs import flag, physical, positive, positive_or_infinite
-from ancf_casadi.support.interrupts import interrupted
+from ancf_casadi.support.interrupts import has_interrupt
 from ancf_casadi.support.progress import count_step
 from ancf_casadi.vibration.equilibrium import Equilibrium
 
@@ -224,7 +224,7 @@ class _Motion(cs.Callback):
                 return [cs.DM(self._runs.forward(run, seeds).reshape(-1, self._count))]
             return [cs.DM(self._runs.problem.reverse(run, seeds.reshape(*run.samples.shape, self._count)))]
         except AncfError as error:
-            if not (self._count or interrupted()):
+            if not (self._count or has_interrupt()):
                 warnings.warn(str(error), RuntimeWarning, stacklevel=2)
             return [cs.DM.nan(self.sparsity_out(0))]
 

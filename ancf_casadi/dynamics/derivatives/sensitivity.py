@@ -172,7 +172,7 @@ class SensitivityProblem:
         """Maps from the free coordinates and from the base to the sampled coordinates, (rows, N) and (rows, 4)."""
         model, rows = self.equations.model, self.rows if self.rows.size else slice(None)
         of_base = model.whole(np.zeros((model.freedoms, NODE)), np.eye(NODE))
-        return model.moved(np.eye(model.freedoms))[rows], of_base[rows]
+        return model.with_fixed_base(np.eye(model.freedoms))[rows], of_base[rows]
 
     @property
     def _tangent(self) -> Tangent:
@@ -224,7 +224,7 @@ class SensitivityProblem:
             return state, jacobian
         moved = self._rigid_motion(state.coordinates, velocity)
         by_coordinates, by_velocity = self._rigid_motion.jacobian()(state.coordinates, velocity, moved)
-        jacobian[free:] += model.of_free(by_coordinates.full() @ model.moved(jacobian[:free]))
+        jacobian[free:] += model.of_free(by_coordinates.full() @ model.with_fixed_base(jacobian[:free]))
         by_base = model.of_free(by_velocity.full()) @ excitation.jacobian(0.0)[NODE : 2 * NODE]
         jacobian[free:, layout["base"]] += by_base
         rigid = model.whole(model.of_free(moved.full().ravel()), velocity)
@@ -291,7 +291,7 @@ def held_start(
     jacobians_of_forces = stiffness, by_p, by_x = jacobians[0](*point)
     factors = scipy.sparse.linalg.splu(scipy.sparse.csc_array(stiffness.sparse()))
     q_p, q_x = -factors.solve(by_p.full()), -factors.solve(by_x.full())
-    velocities = model.moved(q_p @ rate)
+    velocities = model.with_fixed_base(q_p @ rate)
     change = velocities, rate, *(np.zeros_like(x) for x in point[2:])
     h_q, h_p, h_x = (jacobian.full() for jacobian in jacobians[1](*point, *jacobians_of_forces, *change))
     v_p, v_x = -factors.solve(h_q @ q_p + h_p), -factors.solve(h_q @ q_x + h_x)

@@ -46,8 +46,8 @@ from ancf_casadi.exceptions import SimulationError
 from ancf_casadi.mechanics.nodes import NODE
 from ancf_casadi.support.arrays import Array, Index, Layout
 from ancf_casadi.support.banded import BandedFactors, lapack_place, lapack_storage
-from ancf_casadi.support.compilation import Buffered, compiled_together
-from ancf_casadi.support.interrupts import interrupted
+from ancf_casadi.support.compilation import Buffered, compile_together
+from ancf_casadi.support.interrupts import has_interrupt
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,7 +93,7 @@ class MotionRun:
 
 def stop_if_interrupted() -> None:
     """Raise a SimulationError if ``noted_interrupts`` has noted a Ctrl-C."""
-    if interrupted():
+    if has_interrupt():
         raise SimulationError("the motion was interrupted")
 
 
@@ -233,7 +233,7 @@ class Tangent:
             scipy.sparse.hstack([self._band(w) for w in (np.eye(STAGES), first, first @ first)])
         )
 
-    def _linearised(self, d: int) -> cs.Function:
+    def _linearisation(self, d: int) -> cs.Function:
         """(Z, h, u, du) -> entries of K, D/h and M/h^2 of all elements at the stages, and R_u du for d directions."""
         z, h, u = self._symbols
         du = cs.MX.sym("du", u.numel(), d)
@@ -255,7 +255,7 @@ class Tangent:
         return cs.vec(form.equations.model.of_free(further + form.links.sum_at_nodes(on_links)))
 
     def factors(self, entries: Array, step: RadauStep, modal_coefficients: Array) -> BandedFactors:
-        """Return the factors of G for the entries that ``_linearised`` returns."""
+        """Return the factors of G for the entries that ``_linearisation`` returns."""
         band = lapack_storage(self.assembly @ entries, self.bandwidth)
         return BandedFactors.of(band, self.bandwidth, *self.low_rank(step.excitations, step.length, modal_coefficients))
 
@@ -270,9 +270,9 @@ class Tangent:
         return cs.Function("modal_coefficients", [parameters], [cs.densify(coefficients)])
 
     def bound(self, directions: int) -> BoundStep:
-        """Return ``_linearised``, bound to arrays."""
+        """Return ``_linearisation``, bound to arrays."""
         if directions not in self._bound:
-            self._bound[directions] = BoundStep(self._linearised(directions))
+            self._bound[directions] = BoundStep(self._linearisation(directions))
         return self._bound[directions]
 
     @cached_property
@@ -339,7 +339,7 @@ class Tangent:
 @lru_cache(8)
 def shared_tangent(equations: Equations) -> Tangent:
     """Return the Functions of the linearised steps under some equations; all motions under them share these."""
-    return Tangent(Collocation(replace(equations, make=partial(compiled_together, derivatives=True))))
+    return Tangent(Collocation(replace(equations, make=partial(compile_together, derivatives=True))))
 
 
 def forward(tangent: Tangent, run: MotionRun, start: Array, b: Array, parameters: Array) -> Array:

@@ -180,23 +180,23 @@ class _Link:
 
     def directions(self, coordinates: cs.SX) -> cs.SX:
         """Return the vectors (4, k) whose angles turn the link, from coordinates of both nodes (8, k)."""
-        return self.angles @ self._scaled(coordinates, 1 / self.l)
+        return self.angles @ self._scale(coordinates, 1 / self.l)
 
     def forth(self, corrections: cs.SX, turns: cs.SX) -> cs.SX:
         """Return the turned steps (4, 3) between the nodes from the corrections of both (8, 3)."""
-        return self.step(_turn(self.pair @ self._scaled(corrections, 1 / self.l), turns, 1.0))
+        return self.step(_turn(self.pair @ self._scale(corrections, 1 / self.l), turns, 1.0))
 
     def back(self, total: cs.SX, turns: cs.SX) -> cs.SX:
         """Return the residuals (8, 3) of both nodes from the sums of those beyond the link (4, 3), turned back."""
-        pairs = _turn(self.of_pair.T @ self._scaled(total, self.l), turns, -1.0)
-        return self._scaled(self.pair.T @ pairs, 1 / self.l)
+        pairs = _turn(self.of_pair.T @ self._scale(total, self.l), turns, -1.0)
+        return self._scale(self.pair.T @ pairs, 1 / self.l)
 
     def step(self, pairs: cs.SX) -> cs.SX:
         """Return the steps (4, 3) between the nodes."""
-        return self._scaled(self.of_pair @ pairs, self.l)
+        return self._scale(self.of_pair @ pairs, self.l)
 
     @staticmethod
-    def _scaled(vectors: cs.SX, factor: cs.SX) -> cs.SX:
+    def _scale(vectors: cs.SX, factor: cs.SX) -> cs.SX:
         """Multiply positions by a factor."""
         position = np.tile([1.0, 1.0, 0.0, 0.0], vectors.shape[0] // NODE)
         return cs.repmat(cs.DM(position) * factor + cs.DM(1.0 - position), 1, vectors.shape[1]) * vectors

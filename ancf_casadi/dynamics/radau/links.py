@@ -68,7 +68,9 @@ class Links:
 
     def places(self, free: cs.MX) -> cs.MX:
         """Return N q for q (N,), as columns of the second nodes of the links, (4, links)."""
-        return cs.reshape(free if self.model.held_at_base_alone else self.model.moved(free)[NODE:, :], NODE, -1)
+        return cs.reshape(
+            free if self.model.held_at_base_alone else self.model.with_fixed_base(free)[NODE:, :], NODE, -1
+        )
 
     def free(self, places: cs.MX) -> cs.MX:
         """Return q (N,) from N q as columns of the links."""

@@ -26,7 +26,7 @@ from ancf_casadi.dynamics.radau.collocation import MIDDLE, Collocation
 from ancf_casadi.dynamics.radau.tableau import STAGES
 from ancf_casadi.mechanics.nodes import NODE
 from ancf_casadi.support.arrays import Array
-from ancf_casadi.support.compilation import Buffered, evaluated
+from ancf_casadi.support.compilation import Buffered, evaluate_dense
 
 NEWTON_RATIO = 0.001  # relative to the tolerance of the step; with a larger one, the errors of many steps add up
 ERROR_ORDER = 4  # of the error estimate in the step length
@@ -69,7 +69,7 @@ class Newton:
         middle = self.excitations[MIDDLE]
         self._factors = Buffered(form.factors, self.increments, *motion, middle, parameters)
         reference, *factors = self._factors.outputs
-        columns = evaluated(form.columns, parameters)
+        columns = evaluate_dense(form.columns, parameters)
         trial = self.increments, self.corrections, self.turns, *motion, self.excitations
         weights = np.zeros(NODE * links)  # of corrections at four places per node
         weights[model.first_moved - NODE] = 1 / (model.free_scale * tolerance * math.sqrt(STAGES * free))
@@ -116,17 +116,19 @@ class StepControl:
         h = min(self.proposal, largest_step)
         return remaining if h > (1 - SAME_TIME) * remaining else min(h, remaining / 2)
 
-    def not_converged(self, h: float, *, old_matrices: bool) -> StepControl:
+    def after_failure(self, h: float, *, old_matrices: bool) -> StepControl:
         """Return the state after Newton's method failed: new matrices if they were old, else half the length."""
         if old_matrices:
             return replace(self, proposal=h, keep=False)
         return replace(self, proposal=h / 2, keep=False, largest_growth=AFTER_FAILURE)
 
-    def inaccurate(self, h: float, error: float, iterations: int) -> StepControl:
+    def after_error(self, h: float, error: float, iterations: int) -> StepControl:
         """Return the state after a step whose error exceeds the tolerance: repeat it with a smaller length."""
         return replace(self, proposal=h * _growth(error, iterations), keep=False)
 
-    def accepted(self, h: float, error: float, iterations: int, contraction: float, largest_step: float) -> StepControl:
+    def after_step(
+        self, h: float, error: float, iterations: int, contraction: float, largest_step: float
+    ) -> StepControl:
         """Return the state after an accepted step of length h."""
         growth = _growth(error, iterations)
         if self.length:

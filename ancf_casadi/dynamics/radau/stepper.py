@@ -174,15 +174,15 @@ class Stepper:
                 newton.factorise()
             iterations = newton.converge()
             if not iterations:
-                control = control.not_converged(h, old_matrices=keeps_matrices)
+                control = control.after_failure(h, old_matrices=keeps_matrices)
                 continue
             nodes, end, norm, added = self._finish()
             error = norm.item()
             if error <= 1.0:
                 break
-            control = control.inaccurate(h, error, iterations)
+            control = control.after_error(h, error, iterations)
 
-        self._control = control.accepted(h, error, iterations, newton.contraction, self._largest_step)
+        self._control = control.after_step(h, error, iterations, newton.contraction, self._largest_step)
         self._energies, self._added = self.work, added.reshape(self._added.shape).copy()
         newton.start[:] = newton.end
         newton.end[:], newton.nodes[:] = end.reshape(newton.end.shape), nodes.reshape(newton.nodes.shape)
@@ -197,7 +197,7 @@ class Stepper:
         self._predict()
         if not self.steps:
             times = h * RADAU.nodes
-            moved = self._form.equations.model.moved(np.outer(v, times) + np.outer(a, times**2 / 2))
+            moved = self._form.equations.model.with_fixed_base(np.outer(v, times) + np.outer(a, times**2 / 2))
             newton.increments[:] = np.moveaxis(moved[NODE:].reshape(-1, NODE, STAGES), 1, 2)
 
 

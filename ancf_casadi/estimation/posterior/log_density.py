@@ -62,7 +62,7 @@ from ancf_casadi.estimation.solve import FitSolution
 from ancf_casadi.estimation.solver.gauss_newton import influence, loss_value, row_weights
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.support.arrays import Array
-from ancf_casadi.support.compilation import evaluated
+from ancf_casadi.support.compilation import evaluate_dense
 from ancf_casadi.support.inputs import array
 from ancf_casadi.support.interrupts import delayed_interrupts
 from ancf_casadi.support.tables import Displayed
@@ -205,7 +205,7 @@ class LogDensity(Displayed):
         """Return the logarithm of the density of the priors, and its derivatives (n,) by the bounded coordinates."""
         if not self._prior_count:
             return 0.0, np.zeros(len(x))
-        value, gradient = evaluated(self._prior_function, self.bounded(x))
+        value, gradient = evaluate_dense(self._prior_function, self.bounded(x))
         return float(value[0, 0]), gradient.ravel()
 
     @cached_property
@@ -227,7 +227,7 @@ class LogDensity(Displayed):
             with warnings.catch_warnings(), delayed_interrupts():
                 warnings.simplefilter("ignore", RuntimeWarning)  # of a motion that cannot be computed
                 if np.isfinite(y).all() and np.isfinite(self.slopes(x)).all():
-                    return evaluated(function, y / self.fit.scale)
+                    return evaluate_dense(function, y / self.fit.scale)
         except RuntimeError:
             pass
         return [np.full(function.size_out(k), math.nan) for k in range(function.n_out())]

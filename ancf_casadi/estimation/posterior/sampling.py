@@ -48,7 +48,7 @@ from ancf_casadi.estimation.posterior.log_density import LogDensity
 from ancf_casadi.estimation.solver.gauss_newton import residuals_and_jacobian
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.support.arrays import Array, Index, Mask
-from ancf_casadi.support.figures import Figure
+from ancf_casadi.support.figures import Figure, drawing
 from ancf_casadi.support.inputs import whole
 from ancf_casadi.support.optional import find_module
 from ancf_casadi.support.parallel import run_all
@@ -249,8 +249,6 @@ def corner_figure(samples: Any) -> Figure:
     >>> figure.axes[-1].get_xlabel()
     'offset, m'
     """
-    from ancf_casadi.estimation.figures import drawn_corner  # matplotlib is slow to import
-
     posterior = getattr(samples, "posterior", None)
     variables = getattr(posterior, "data_vars", None)
     if not variables:
@@ -260,4 +258,5 @@ def corner_figure(samples: Any) -> Figure:
         for name, variable in variables.items()
     ]
     columns: list[Array] = [np.asarray(variable.values, dtype=float).ravel() for variable in variables.values()]
-    return drawn_corner([label.replace("_", " ") for label in labels], columns, SHARES)
+    draw = drawing("ancf_casadi.figures.fits.corner_figure")
+    return draw([label.replace("_", " ") for label in labels], columns, SHARES)

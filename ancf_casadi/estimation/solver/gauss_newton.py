@@ -49,7 +49,7 @@ import numpy as np
 import scipy  # its packages are imported on first use
 
 from ancf_casadi.support.arrays import Array
-from ancf_casadi.support.compilation import evaluated
+from ancf_casadi.support.compilation import evaluate_dense
 from ancf_casadi.support.interrupts import delayed_interrupts
 from ancf_casadi.support.progress import count_step
 
@@ -109,7 +109,7 @@ def residuals_and_jacobian(evaluate: cs.Function, z: Array) -> tuple[Array, Arra
 def _evaluate_step(function: cs.Function, z: Array) -> list[Array]:
     """Return the outputs of a Function, which counts as one step; an interrupt waits for its end."""
     with delayed_interrupts():
-        outputs = evaluated(function, z)
+        outputs = evaluate_dense(function, z)
     count_step()
     return outputs
 

@@ -21,7 +21,7 @@ import casadi as cs
 
 from ancf_casadi.exceptions import FitError
 from ancf_casadi.support.arrays import Array
-from ancf_casadi.support.interrupts import delayed_interrupts, interrupted
+from ancf_casadi.support.interrupts import delayed_interrupts, has_interrupt
 from ancf_casadi.support.progress import count_step
 
 BLAS_BYTES = 3 * 2**27  # OpenBLAS allocates 128 MiB for each of two threads or more, which have stacks and heaps too
@@ -140,7 +140,7 @@ class _EachIteration(cs.Callback):
     def eval(self, _: Sequence[cs.DM]) -> list[int]:
         """Count one step, and return whether to stop."""
         count_step()
-        return [int(interrupted())]
+        return [int(has_interrupt())]
 
 
 def _reason(error: RuntimeError) -> str:

@@ -56,7 +56,7 @@ from numpy.typing import NDArray
 
 from ancf_casadi.response.harmonic_balance.system import Drive, SampledFunctions, SecondOrderSystem
 from ancf_casadi.support.arrays import Array, Index
-from ancf_casadi.support.compilation import evaluated
+from ancf_casadi.support.compilation import evaluate_dense
 
 FIRST_HARMONICS = 5
 MOST_HARMONICS = 199
@@ -195,14 +195,14 @@ class HarmonicBalance:
 
     def sampled_residual(self, C: Array, setting: Setting) -> Array:
         """Return R at the samples, (n, N)."""
-        return evaluated(self._functions.balance, *self._inputs(C, setting))[0]
+        return evaluate_dense(self._functions.balance, *self._inputs(C, setting))[0]
 
     def linearise(self, C: Array, setting: Setting) -> BalanceDerivatives:
         """Return the derivatives of F."""
         series, omega, (_, v, a, _) = self.fourier, setting.omega, self.motion(C, setting)
         _, omega_excitation, shape = self.drive.samples(series.phases, omega, setting.amplitude)
         inputs = (*self._inputs(C, setting), omega_excitation, shape)
-        k, d, m, omega_force, amplitude_force = evaluated(self._functions.tangents, *inputs)
+        k, d, m, omega_force, amplitude_force = evaluate_dense(self._functions.tangents, *inputs)
         damping = d - setting.growth * m
         J = self._assemble((k, omega * damping, omega**2 * m))
         omega_derivative = self._times(damping, v / omega) + self._times(m, 2 / omega * a) + omega_force
@@ -225,7 +225,7 @@ class HarmonicBalance:
     def sampled_powers(self, C: Array, setting: Setting) -> tuple[Array, Array]:
         """Return the power lost to damping and the power supplied at the samples, (N,), W."""
         motion = self.motion(C, setting)
-        lost, supplied = evaluated(self._functions.powers, *motion, self.parameters(setting))
+        lost, supplied = evaluate_dense(self._functions.powers, *motion, self.parameters(setting))
         return lost.ravel(), supplied.ravel()
 
     @cached_property

@@ -37,7 +37,7 @@ from ancf_casadi.response.harmonic_balance.system import (
     map_samples,
 )
 from ancf_casadi.support.arrays import Array, ComplexArray, Index
-from ancf_casadi.support.compilation import compiled_together
+from ancf_casadi.support.compilation import compile_together
 from ancf_casadi.vibration.statics import static_equilibrium
 
 GRAVITY_SIZE = 2  # first parameters of a beam, which do not vary
@@ -71,7 +71,7 @@ def _full_functions(model: Model, law: DampingLaw, place: PointLoad, samples: in
 @lru_cache(maxsize=CACHED_SYSTEMS)
 def _one_sample(model: Model, law: DampingLaw, place: PointLoad) -> tuple[tuple[Index, Index], SampledFunctions]:
     """Return rows and columns of the entries of the matrices, and the Functions of one sample."""
-    equations = Equations(model, law, compiled_together, place)
+    equations = Equations(model, law, compile_together, place)
     *_, u, p = symbols = _symbols(equations)
     forces, powers, (e, e_t, _) = _full_motion(equations, symbols)
     differentiable_forces, *_ = _full_motion(Equations(model, law, place=place), symbols)
@@ -212,7 +212,7 @@ def _mirror(model: Model, law: DampingLaw, equilibrium: Array) -> Array:
     if min(ax, ay) > STRAIGHT or not _is_symmetric(model, law, equilibrium):
         return np.ones(model.freedoms)
     signs = np.tile([1.0, -1.0] if ax > ay else [-1.0, 1.0], model.size // 2)
-    return np.asarray(np.round(model.of_free(signs * model.moved(np.ones(model.freedoms)))))
+    return np.asarray(np.round(model.of_free(signs * model.with_fixed_base(np.ones(model.freedoms)))))
 
 
 def system_parameters(signals: Sequence[Signal], law: DampingLaw) -> tuple[Parameter, ...]:
@@ -249,7 +249,7 @@ class SlopeCorrections:
         pairs = np.vstack([*(model.slope_interpolation(s) for s in points), node[2:], node[:2]])
         zeros, inverse = np.zeros((first_coordinate, len(pairs))), np.linalg.inv(pairs[:, first_coordinate:])
         return SlopeCorrections(
-            matrix=pairs @ model.moved(np.eye(model.freedoms)),
+            matrix=pairs @ model.with_fixed_base(np.eye(model.freedoms)),
             constant=pairs @ model.whole_of_base @ np.array([0.0, 0.0, *beam.axis]),
             inverse=model.of_free(np.vstack([zeros, inverse])),
             translation=model.of_free(model.unit_velocities),

@@ -39,7 +39,7 @@ from ancf_casadi.dynamics.tip_load import HarmonicLoad, TipLoad
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.support.arrays import Array, Index
 from ancf_casadi.support.inputs import array, check_instance, instances, physical
-from ancf_casadi.support.tables import Displayed, counted
+from ancf_casadi.support.tables import Displayed, plural
 
 if TYPE_CHECKING:
     from ancf_casadi.response.harmonic_balance.beams import SlopeCorrections
@@ -354,7 +354,7 @@ class SecondOrderSystem(Displayed):
 
     def _summary(self) -> str:
         values = ", ".join(f"{parameter.name}={parameter.value:.6g}" for parameter in self.parameters)
-        return f"{counted(self.size, 'coordinate')}{values and f', {values}'}"
+        return f"{plural(self.size, 'coordinate')}{values and f', {values}'}"
 
 
 def dense_entries(size: int) -> tuple[Index, Index]:

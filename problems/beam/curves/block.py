@@ -31,7 +31,7 @@ from ancf_casadi.response.harmonic_balance.system import beam_drive
 from ancf_casadi.support.arrays import Array, Index
 from ancf_casadi.support.tables import finite_or_none
 from ancf_casadi.vibration.equilibrium import largest_bend
-from problems.beam.curves.checks import checked
+from problems.beam.curves.checks import orient_from_model
 from problems.beam.curves.driven import Driven, driven_beam, fourier_coefficients, shapes, small_response
 from problems.beam.curves.points import CurvePoints, Measured, PointMotion, closest, motion_from_rest
 from problems.beam.curves.record import ResponseRecord
@@ -132,7 +132,7 @@ class CurveBlock(ResponseBlock):
         """Return the block with one mode and two harmonics more, twice at most."""
         return self.finer() if shift > LARGEST_SHIFT and self.refinements < 2 else None
 
-    def checked(self, frequencies: Array) -> Self:
+    def orient(self, frequencies: Array) -> Self:
         """Return the block with the phases of its records as they should be; ``frequencies`` are those of the model."""
         numbered, notes = [], list[str]()
         s = self.shared({})
@@ -143,7 +143,7 @@ class CurveBlock(ResponseBlock):
             except NumericsError:  # without damping there is no response at the resonance
                 computed = None
             if computed is not None:
-                record, record_notes = checked(record, computed)
+                record, record_notes = orient_from_model(record, computed)
                 notes += record_notes
             numbered.append((number, record))
         return replace(self, numbered=tuple(numbered), notes=tuple(notes))

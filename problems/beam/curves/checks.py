@@ -68,7 +68,7 @@ def seen_mode(record: ResponseRecord) -> SeenMode | None:
     return SeenMode(c < 0.0, math.atan2(C.imag, C.real), abs(C) * size * middle**2, middle * math.sqrt(abs(1 + x[0])))
 
 
-def oriented(record: ResponseRecord, expected: float) -> tuple[ResponseRecord, str | None]:
+def orient(record: ResponseRecord, expected: float) -> tuple[ResponseRecord, str | None]:
     """Return a record whose phases count from its excitation, and a note if they did not; ``expected`` is that of C."""
     if record.measured_phases is None:
         return record, None
@@ -105,12 +105,12 @@ def _phase_note(record: ResponseRecord, mirrored: bool, turn: int) -> str:
     return "; ".join(changes)
 
 
-def checked(record: ResponseRecord, model: ResponseRecord) -> tuple[ResponseRecord, list[str]]:
+def orient_from_model(record: ResponseRecord, model: ResponseRecord) -> tuple[ResponseRecord, list[str]]:
     """Return a record whose phases count from its excitation, and notes about its phases and its levels."""
     expected = seen_mode(model)
     if expected is None:
         return record, []
-    turned, note = oriented(record, expected.phase)
+    turned, note = orient(record, expected.phase)
     notes, mode = [note] if note else [], seen_mode(turned)
     if mode is not None:
         ratio = mode.size / expected.size * (expected.omega / mode.omega) ** 2

@@ -37,7 +37,7 @@ from ancf_casadi.response.harmonic_balance.family import Family
 from ancf_casadi.response.harmonic_balance.system import BEAM_EXCITATION, Drive, SecondOrderSystem, beam_drive
 from ancf_casadi.response.onset import linear_response
 from ancf_casadi.support.arrays import Array, ComplexArray
-from ancf_casadi.support.compilation import evaluated
+from ancf_casadi.support.compilation import evaluate_dense
 from problems.beam.curves.record import ResponseRecord
 
 
@@ -60,7 +60,7 @@ class Driven:
 
     def read(self, curve: Family, z: Array) -> tuple[Array, Array, Array]:
         """Return Y and phi of the motion with the unknowns z of a curve, and their derivatives by z and by s."""
-        polar, by_z, by_s = evaluated(self.reading, z, curve.setting.omega, curve.balance.system.values)
+        polar, by_z, by_s = evaluate_dense(self.reading, z, curve.setting.omega, curve.balance.system.values)
         return polar.ravel(), by_z, by_s
 
 

@@ -47,7 +47,7 @@ from ancf_casadi.records.units import known_unit
 from ancf_casadi.response.harmonic_balance.system import beam_drive
 from ancf_casadi.support.arrays import Array, ComplexArray
 from ancf_casadi.support.inputs import array, check_instance, choice, complex_array, error_prefix, flag, positive_array
-from ancf_casadi.support.tables import Displayed, counted, spread
+from ancf_casadi.support.tables import Displayed, plural, spread
 from problems.beam.curves.reading import (
     ExcitationUnit,
     amplitude_reading,
@@ -382,5 +382,5 @@ class ResponseRecord(Displayed):
 
     def _summary(self) -> str:
         name = f"{self.name!r}, " if self.name else ""
-        points, range_ = counted(np.size(self.frequencies), "point"), spread(self.frequencies, "Hz")
+        points, range_ = plural(np.size(self.frequencies), "point"), spread(self.frequencies, "Hz")
         return f"{name}{points}, {range_}, {self.sensor.quantity}"

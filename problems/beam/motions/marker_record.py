@@ -19,7 +19,7 @@ from ancf_casadi.mechanics.state import State
 from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.records.sensor import Sensor
 from ancf_casadi.support.inputs import array, check_instance, numbers, physical
-from ancf_casadi.support.tables import Displayed, counted, spread
+from ancf_casadi.support.tables import Displayed, plural, spread
 from ancf_casadi.vibration.equilibrium import Equilibrium
 from problems.beam.motions.record import FEWEST_SAMPLES, Bounds, Camera, Channel, MotionRecord
 
@@ -106,7 +106,7 @@ class MarkerRecord(Displayed):
     def _summary(self) -> str:
         points = 1 if self.points is None else len(self.points)
         name = f"{self.name!r}, " if self.name else ""
-        return f"{name}{counted(points, 'point')}, {counted(np.size(self.time), 'sample')}, {spread(self.time, 's')}"
+        return f"{name}{plural(points, 'point')}, {plural(np.size(self.time), 'sample')}, {spread(self.time, 's')}"
 
 
 def motion_record(record: Any) -> MotionRecord:

@@ -37,7 +37,7 @@ from ancf_casadi.mechanics.state import State
 from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.records.sensor import Sensor
 from ancf_casadi.support.inputs import check_instance, is_sequence, number, positive, shown, two_numbers
-from ancf_casadi.support.tables import Displayed, counted
+from ancf_casadi.support.tables import Displayed, plural
 from ancf_casadi.vibration.equilibrium import Equilibrium
 
 FEWEST_SAMPLES = 10  # samples of a record
@@ -330,7 +330,7 @@ class MotionRecord(Displayed):
     def _summary(self) -> str:
         samples = sum(len(channel.measurement.time) for channel in self.own_channels)
         name = f"{self.name!r}, " if self.name else ""
-        return f"{name}{counted(len(self.channels), 'channel')}, {counted(samples, 'sample')}, {self.own_base!r}"
+        return f"{name}{plural(len(self.channels), 'channel')}, {plural(samples, 'sample')}, {self.own_base!r}"
 
 
 def record_titles(numbered: Sequence[tuple[int, MotionRecord]]) -> list[str]:

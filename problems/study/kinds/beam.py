@@ -31,7 +31,7 @@ from problems.spec.match import MOST_ELEMENTS, MatchTable
 from problems.study.compute import Compute
 from problems.study.drawing import FIGURE_WIDTH, new_figure, series
 from problems.study.formatting import shown
-from problems.study.step import Finding, Findings, Printed, Step, Study, printed_numbers, table_with_printed
+from problems.study.step import Finding, Findings, Printed, Step, Study, printed_numbers, table_beside_print
 
 BEAM_ROWS = (("length", "mm", 1e3), ("width", "mm", 1e3), ("thickness", "mm", 1e3), ("density", "kg/m³", 1.0),
         ("elastic_modulus", "GPa", 1e-9))  # fmt: skip
@@ -54,7 +54,7 @@ class BeamProperties(Step):
         ),
     ] = field(default_factory=dict)
 
-    def checked(self, study: Study, where: str) -> Self:
+    def prepare(self, study: Study, where: str) -> Self:
         """Return the step with its printed numbers."""
         return replace(self, printed=printed_numbers(self.printed, {"value": len(BEAM_ROWS)}, where))
 
@@ -86,7 +86,7 @@ def properties_finding(beam: Beam, printed: Printed, origin: Finding | None = No
     if beam.supports != (Clamp(),):
         notes.append(f"Supports: {', '.join(map(repr, beam.supports)) or 'none'}.")
     title = "Properties of the identified beam" if guess else "Properties of the beam"
-    table = table_with_printed(
+    table = table_beside_print(
         title, [*columns], zip(*columns.values(), strict=True), *notes, errors={"value": scaled} if errors else None,
         printed={"value": printed.get("value")},
     )  # fmt: skip
@@ -112,7 +112,7 @@ class ModesOfBeam(Step):
     beam: Annotated[str, Meta(description='"STEP"')] = ""
     printed: Annotated[Printed, Meta(description="{frequency (Hz)}")] = field(default_factory=dict)
 
-    def checked(self, study: Study, where: str) -> Self:
+    def prepare(self, study: Study, where: str) -> Self:
         """Return the step with its printed numbers."""
         whole(self.modes, f"{where}: modes", 1, study.model.freedoms)
         return replace(self, printed=printed_numbers(self.printed, {"frequency": self.modes}, where))
@@ -124,7 +124,7 @@ class ModesOfBeam(Step):
         frequencies = modes.frequencies.tolist()
         errors = findings[self.beam].frequency_errors
         head = "frequency, Hz"
-        table = table_with_printed(
+        table = table_beside_print(
             "Natural frequencies" + " of the identified beam" * bool(errors),
             ("mode", head),
             enumerate(frequencies, start=1),
@@ -200,10 +200,10 @@ class Match(Step):
     ] = field(default_factory=dict)
     table: Annotated[MatchTable | None, UNLISTED] = None
 
-    def checked(self, study: Study, where: str) -> Self:
+    def prepare(self, study: Study, where: str) -> Self:
         """Return the step with the table [match]."""
         elements = study.model.beam.elements
-        table = convert(study.file.needed("match"), MatchTable, study.file.where("match"))
+        table = convert(study.file.require("match"), MatchTable, study.file.where("match"))
         if elements > MOST_ELEMENTS:
             raise InputError(
                 f"a match takes {MOST_ELEMENTS} at most, got {elements}; 20 to 100 are enough",
@@ -270,7 +270,7 @@ def _properties(
         "Mean, smallest and largest value along the beam.",
         *data["identified"],
     )
-    return table_with_printed("Properties of the matched beam", heads, rows, *notes, printed={"mean": printed})
+    return table_beside_print("Properties of the matched beam", heads, rows, *notes, printed={"mean": printed})
 
 
 def _frequencies(beam: Beam, data: Mapping[str, Any], printed: Printed, weightless: float) -> Table:
@@ -283,7 +283,7 @@ def _frequencies(beam: Beam, data: Mapping[str, Any], printed: Printed, weightle
     columns["matched, Hz"] = data["matched_hz"]
     note = f"Largest relative error after matching: {data['max_relative_error']:.1e}."
     title = "Natural frequencies before and after matching"
-    return table_with_printed(title, [*columns], zip(*columns.values(), strict=True), note, printed=beside)
+    return table_beside_print(title, [*columns], zip(*columns.values(), strict=True), note, printed=beside)
 
 
 def _frequency_errors(
@@ -301,7 +301,7 @@ def _frequency_errors(
 
 def _profiles(beam: Beam, matched: BeamSpec, ranges: Mapping[str, Array]) -> Figure:
     """Draw the properties that vary along the beam among those that may change, or the first of these."""
-    from ancf_casadi.plot import properties_figure  # slow to import
+    from ancf_casadi.figures.beams import properties_figure  # slow to import
 
     names = [name for name, *_ in ELEMENT_ROWS if name in ranges] or [name for name, *_ in ELEMENT_ROWS]
     along = [name for name in names if np.ptp(getattr(matched, name)) > 0.0] or names[:1]

@@ -31,7 +31,7 @@ from problems.spec.file import StudyFile
 from problems.spec.record_files import ColumnSpec
 from problems.study.compute import Compute
 from problems.study.drawing import band, draw_band, line, new_figure
-from problems.study.step import Finding, Findings, Printed, Step, Study, printed_numbers, table_with_printed
+from problems.study.step import Finding, Findings, Printed, Step, Study, printed_numbers, table_beside_print
 
 PRINTED = ("frequency", "damping_ratio", "eta1", "eta2")
 SYNTHETIC_RATE, SYNTHETIC_DURATION, SYNTHETIC_STD = 500.0, 5.0, 0.2e-3  # 1/s, s, m, of synthetic decays
@@ -142,11 +142,11 @@ class Decays(Step):
         default_factory=dict
     )
 
-    def checked(self, study: Study, where: str) -> Self:
+    def prepare(self, study: Study, where: str) -> Self:
         """Return the step with the tables of its decays, and its printed numbers."""
-        study.file.needed("decays", "each names the file of a free decay")
+        study.file.require("decays", "each names the file of a free decay")
         printed = printed_numbers(self.printed, dict.fromkeys(PRINTED, len(_records(study.file))), where)
-        return replace(super().checked(study, where), printed=printed)
+        return replace(super().prepare(study, where), printed=printed)
 
     def finding(self, compute: Compute, findings: Findings) -> Finding:
         """Return the table of modal parameters, and a figure per record."""
@@ -240,7 +240,7 @@ def _parameter_table(
     sources = dict.fromkeys(decay.synthetic for decay in decays if decay.synthetic)
     title = "Modal parameters from free decays" + "; synthetic data" * bool(sources)
     cells = zip(*columns.values(), strict=True)
-    return table_with_printed(title, [*columns], cells, *sources, errors=errors, printed=printed_by_head)
+    return table_beside_print(title, [*columns], cells, *sources, errors=errors, printed=printed_by_head)
 
 
 def _caption(mode: int, decay: Decay, fit: FittedDecay) -> str:

@@ -43,7 +43,7 @@ from ancf_casadi.support.inputs import error_prefix, whole
 from ancf_casadi.support.specs import UNLISTED, Positive
 from ancf_casadi.vibration.modes import Modes, natural_modes
 from problems.decay.fitting import fit_decay
-from problems.spec.beam import law_of
+from problems.spec.beam import make_law
 from problems.study.drawing import band
 from problems.study.step import LawChoice, Study, Terms
 
@@ -71,7 +71,7 @@ class RequestedRun:
     relative_window: Annotated[float, UNLISTED] = 1.0  # length of the fitted decay relative to the full one
     steps_per_period: Annotated[int, UNLISTED] = EXPERIMENT_STEPS
 
-    def shortened(self) -> RequestedRun:
+    def shorten(self) -> RequestedRun:
         """Return the run of a quick look."""
         return replace(self, stop=QUICK_DRIVING * self.stop, ramp=QUICK_DRIVING * self.ramp,
                        relative_window=QUICK_WINDOW, steps_per_period=QUICK_STEPS)  # fmt: skip
@@ -102,7 +102,7 @@ class ExperimentResult:
 def run_experiment(beam: Beam, terms: Terms, run: RequestedRun, method: Method = "radau") -> ExperimentResult:
     """Simulate the experiment of a run under a law, and fit its decay."""
     modes = natural_modes(Model(beam), count=max(FEWEST_MODES, run.mode))
-    law = law_of(terms, modes.model, "damping")
+    law = make_law(terms, modes.model, "damping")
     mode = run.mode - 1
 
     def ratio(amplitude: float) -> float:

@@ -56,10 +56,10 @@ class TablesStep(Step):
         """Keys of the step that its computation needs."""
         return ()
 
-    def checked(self, study: Study, where: str) -> Self:
+    def prepare(self, study: Study, where: str) -> Self:
         """Return the step with its tables, which are checked."""
         self.converter.of(study.file)
-        return super().checked(study, where)
+        return super().prepare(study, where)
 
     def finding(self, compute: Compute, findings: Findings) -> Finding:
         """Open the files of measurements, and return the finding."""
@@ -67,7 +67,7 @@ class TablesStep(Step):
         return compute(type(self).function, self.file, compute.all_formats, *self.inputs, cost=self.cost)
 
 
-def simulated(
+def simulation_finding(
     file: StudyFile, formats: tuple[str, ...], animate: bool, animation: str, slower: float | None
 ) -> Finding:
     """Simulate the motion of a study file: range and energies, and the figure of the motion."""
@@ -107,14 +107,14 @@ class SimulationStep(TablesStep):
     """One simulated motion: the tables [[damping]], [base], [load], [release], [simulation], [markers]."""
 
     kind, heading = "simulation", "Simulated motion"
-    converter, function, cost = SimulationTables, simulated, 10.0
+    converter, function, cost = SimulationTables, simulation_finding, 10.0
     reading = frozenset({"beam", "damping", "base", "load", "release", "simulation", "markers"})
 
     animate: Annotated[bool, Meta(description="with a moving picture")] = False
     animation: Annotated[str, Meta(description='further file with it, such as "motion.mp4" or "motion.html"')] = ""
     slower: Annotated[Positive | None, Meta(description="times that it is slower than the motion was")] = None
 
-    def checked(self, study: Study, where: str) -> Self:
+    def prepare(self, study: Study, where: str) -> Self:
         """Return the step with its tables and the name of its animation, which are checked."""
         if self.animation:
             from ancf_casadi.animation.motions import check_animation  # matplotlib is slow to import
@@ -123,7 +123,7 @@ class SimulationStep(TablesStep):
                 check_animation(self.animation)
                 if Path(self.animation).name != self.animation:
                     raise InputError("must be a name without a folder")
-        return super().checked(study, where)
+        return super().prepare(study, where)
 
     @property
     def inputs(self) -> tuple[Any, ...]:
@@ -138,7 +138,7 @@ def _positions(run: Trajectory, markers: Mapping[str, float]) -> Table:
     return Table("motion", "Motion of the beam", columns, np.column_stack([run.time, *places.values()]).tolist())
 
 
-def fitted(file: StudyFile, formats: tuple[str, ...]) -> Finding:
+def fit_finding(file: StudyFile, formats: tuple[str, ...]) -> Finding:
     """Fit the motion in the files of a study: estimates, predictions and their figures."""
     read = Measurements.of(file).read()
     with error_prefix(file.where("fit")):
@@ -219,10 +219,10 @@ class MotionFit(TablesStep):
 
     kind, heading = "motion", "Fit to measured motion"
     reading = MOTION_TABLES
-    converter, function, cost = Measurements, fitted, 60.0
+    converter, function, cost = Measurements, fit_finding, 60.0
 
 
-def compared(file: StudyFile, formats: tuple[str, ...]) -> Finding:
+def comparison_finding(file: StudyFile, formats: tuple[str, ...]) -> Finding:
     """Fit the laws of a study file to its records: the criteria, as a table and as a figure."""
     read = Measurements.of(file).read()
     with error_prefix(file.where("fit")):
@@ -245,28 +245,28 @@ class Comparison(TablesStep):
 
     kind, heading = "comparison", "Damping laws compared on measured motion"
     reading = MOTION_TABLES
-    converter, function, cost = Measurements, compared, 120.0
+    converter, function, cost = Measurements, comparison_finding, 120.0
 
-    def checked(self, study: Study, where: str) -> Self:
+    def prepare(self, study: Study, where: str) -> Self:
         """Return the step with the tables of its records and laws, of which there must be several."""
         motions = Measurements.of(study.file)
         if len(motions.law_terms) < 2:
             raise InputError("there is only one law; add tables [[damping]]", where)
         if "fixed" in motions.settings:
             raise InputError("all parameters of the laws are compared; leave out fixed", study.file.where("fit"))
-        return super().checked(study, where)
+        return super().prepare(study, where)
 
 
-def planned(file: StudyFile, formats: tuple[str, ...]) -> Finding:
+def plan_finding(file: StudyFile, formats: tuple[str, ...]) -> Finding:
     """Plan the candidates of a study file: the errors of each and of all, and the best list."""
     task = PlanTables.of(file)
     if task.table.laws:
-        compared = task.compared()
+        compared = task.compare()
         table = compared.table()
         figures = (drawn("Probability that each candidate tells two laws apart.", compared.figure, formats),)
         return Finding(compared.to_dict(), (table,), figures, text=compared.report())
-    found = task.planned()
-    choice = task.chosen(found)
+    found = task.plan()
+    choice = task.choose(found)
     own = found.table()
     rows = [*own.rows, ("best list", None, *map(finite_or_none, found.relative(choice["standard_errors"]).values()))]
     bought = ", ".join(f"{count} × {name}" for name, count in choice["best"].items() if count)
@@ -291,4 +291,4 @@ class PlanStep(TablesStep):
 
     kind, heading = "plan", "Planned experiments"
     reading = PLAN_TABLES
-    converter, function, cost = PlanTables, planned, 20.0
+    converter, function, cost = PlanTables, plan_finding, 20.0

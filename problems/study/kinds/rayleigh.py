@@ -16,7 +16,7 @@ from ancf_casadi.support.tables import finite_or_none
 from problems.modal_damping.rayleigh import fit_rayleigh, rayleigh_ratio
 from problems.study.compute import Compute
 from problems.study.drawing import line, new_figure
-from problems.study.step import Finding, Findings, Printed, Step, Study, printed_numbers, table_with_printed
+from problems.study.step import Finding, Findings, Printed, Step, Study, printed_numbers, table_beside_print
 
 
 @dataclass(frozen=True)
@@ -44,7 +44,7 @@ class Rayleigh(Step):
     identified_by: Annotated[str, Meta(description='"STEP": decays whose standard errors to use')] = ""
     printed: Annotated[Printed, Meta(description="{value = [alpha, beta]}")] = field(default_factory=dict)
 
-    def checked(self, study: Study, where: str) -> Self:
+    def prepare(self, study: Study, where: str) -> Self:
         """Return the step with its printed numbers, once its modes have a law."""
         with error_prefix(where):
             fit_rayleigh(self.frequencies, self.ratios, ratio_std=self.ratio_std or None)
@@ -54,10 +54,10 @@ class Rayleigh(Step):
         """Return the coefficients, and the damping ratio against frequency."""
         deviations = self.ratio_std
         if self.identified_by:
-            deviations = self._identified(findings[self.identified_by].data)
+            deviations = self._ratio_errors(findings[self.identified_by].data)
         return rayleigh_finding(compute, self.frequencies, self.ratios, deviations, printed=self.printed)
 
-    def _identified(self, data: Any) -> tuple[float, ...]:
+    def _ratio_errors(self, data: Any) -> tuple[float, ...]:
         """Return the standard errors that a step with decays has found; none if one is unknown."""
         rows = data[: len(self.ratios)] if isinstance(data, list) else []
         errors = [row.get("damping_ratio_stderr") for row in rows if "damping_ratio" in row]
@@ -86,14 +86,14 @@ def rayleigh_finding(
     modes = zip((*frequencies, *others.frequencies), (*ratios, *others.ratios), strict=True)
     rows = [(f, 100 * z, float(100 * rayleigh_ratio(np.array(f), fit.alpha, fit.beta))) for f, z in modes]
     tables = (
-        table_with_printed(
+        table_beside_print(
             "Coefficients of Rayleigh damping",
             ("coefficient", "unit", "value"),
             [("alpha", "1/s", fit.alpha), ("beta", "s", fit.beta)],
             errors={"value": errors},
             printed={"value": (printed or {}).get("value")},
         ),
-        table_with_printed("Damping ratios under this law", ("frequency, Hz", "measured, %", "Eq. (16), %"), rows),
+        table_beside_print("Damping ratios under this law", ("frequency, Hz", "measured, %", "Eq. (16), %"), rows),
     )
     caption = (
         "Damping ratio under Rayleigh damping against frequency, with the parts of α and β, and the measured modes."

@@ -22,7 +22,7 @@ from ancf_casadi.support.tables import Table, finite_or_none
 from problems.study.compute import Compute
 from problems.study.drawing import draw_band, line, new_figure, series
 from problems.study.kinds.experiment import ExperimentResult, RequestedRun, run_experiment
-from problems.study.step import Finding, Findings, LawChoice, Printed, Step, Study, printed_numbers, table_with_printed
+from problems.study.step import Finding, Findings, LawChoice, Printed, Step, Study, printed_numbers, table_beside_print
 
 TRANSIENT_KEYS = {"experiment", "runs"}  # other keys of its numbers
 
@@ -35,7 +35,7 @@ def run_experiments(
     """Simulate each run under each of its laws by each method; return the results run by run."""
     inputs, costs = [], []
     for run in runs:
-        requested = replace(run.shortened() if compute.quick else run, laws=(), measured_ratio=math.nan)
+        requested = replace(run.shorten() if compute.quick else run, laws=(), measured_ratio=math.nan)
         # computing time by the number of periods
         cost = 0.01 * max(requested.frequency, 2.0) * (requested.stop + max(requested.window, 1.0))
         inputs += [(beam, law.terms, requested, method) for law in run.laws for method in methods]
@@ -59,7 +59,7 @@ class Transients(Step):
         default_factory=dict
     )
 
-    def checked(self, study: Study, where: str) -> Self:
+    def prepare(self, study: Study, where: str) -> Self:
         """Return the step with its laws and printed numbers."""
         runs = tuple(replace(run, laws=run.laws or self.laws) for run in self.runs)
         for k, run in enumerate(runs, start=1):
@@ -72,7 +72,7 @@ class Transients(Step):
 
     def finding(self, compute: Compute, findings: Findings) -> Finding:
         """Return the damping ratios, the amplitudes, and a figure per run."""
-        runs = [replace(run, laws=tuple(law.resolved(findings) for law in run.laws)) for run in self.runs]
+        runs = [replace(run, laws=tuple(law.resolve(findings) for law in run.laws)) for run in self.runs]
         return transients_finding(compute, self.beam_in(findings), runs, self.printed, self.printed_by)
 
 
@@ -125,7 +125,7 @@ def _ratios(runs: Sequence[RequestedRun], rows: Sequence[Row], printed: Printed)
         for k, law, numbers in rows
     ]  # fmt: skip
     beside = [printed[law.name][k] if law.name in printed else None for k, law, _ in rows]
-    return table_with_printed(
+    return table_beside_print(
         "Damping ratios of the decays after the stop",
         ("mode", "law", *["measured, %"][:measured], "simulated, %", "predicted by the law, %", "at amplitude, mm"),
         cells,
@@ -149,7 +149,7 @@ def _amplitudes(rows: Sequence[Row]) -> Table:
         "amplitude by more than the width of the resonance, so that a drive at constant frequency reaches no more."
     )
     notes = ("The base amplitude is that of linear theory for the requested amplitude of the tip.", reason)
-    return table_with_printed("Amplitudes of the excitation and of the tip", heads, cells, *notes[: 1 + short])
+    return table_beside_print("Amplitudes of the excitation and of the tip", heads, cells, *notes[: 1 + short])
 
 
 def _overview(
@@ -200,7 +200,7 @@ def _run_figure(run: RequestedRun, results: Sequence[ExperimentResult]) -> Figur
         time, peaks = _peaks(result)
         decay.plot(time, 1e3 * peaks, **line(k), label=label)
     if math.isfinite(run.measured_ratio):
-        _draw_measured(decay, run, results[0])
+        _draw_measurement(decay, run, results[0])
     whole_run.axvline(results[0].numbers["stop_s"], color="black", lw=0.6, ls=":")
     around.axvline(0.0, color="black", lw=0.6, ls=":")
     whole_run.set(xlabel="time, s", ylabel="tip relative\nto clamp, mm")
@@ -218,7 +218,7 @@ def _peaks(result: ExperimentResult) -> tuple[Array, Array]:
     return result.decay_time[at] - result.numbers["stop_s"], np.abs(result.decay[at])
 
 
-def _draw_measured(axes: Axes, run: RequestedRun, result: ExperimentResult) -> None:
+def _draw_measurement(axes: Axes, run: RequestedRun, result: ExperimentResult) -> None:
     """Draw Eq. (9) with the measured damping ratio, from the amplitude of the first law on."""
     time, peaks = _peaks(result)
     rate = 2 * math.pi * result.numbers["drive_hz"] * run.measured_ratio

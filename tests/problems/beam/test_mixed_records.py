@@ -24,7 +24,7 @@ from ancf_casadi import (
 from ancf_casadi.estimation.block import Account, Block
 from ancf_casadi.estimation.solve import FitProblem, solve
 from ancf_casadi.estimation.solver.unknown import Unknown
-from ancf_casadi.plot import figure_bytes
+from ancf_casadi.figures.files import figure_bytes
 from problems import FrequencyRecord, MarkerRecord, ResponseRecord, StaticRecord, fit_beam
 from tests.problems.beam.response_curves import noisy, swept
 from tests.problems.beam.truth import ONES, respond, scores

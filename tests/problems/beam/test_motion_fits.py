@@ -111,11 +111,11 @@ def test_the_figure_has_measured_and_fitted_positions_and_residuals(again, drive
 def test_each_point_is_integrated_once_and_no_steps_are_kept(model, driven, monkeypatch):
     solve, points = SensitivityProblem.solve, []
 
-    def counted(self, values, *given):
+    def plural(self, values, *given):
         points.append((self.tolerance, *(f"{value:.10e}" for value in values)))
         return solve(self, values, *given)
 
-    monkeypatch.setattr(SensitivityProblem, "solve", counted)
+    monkeypatch.setattr(SensitivityProblem, "solve", plural)
     gc.collect()
     before = sum(type(one) is MotionRun for one in gc.get_objects())
     found = fit_beam(model, driven, QuadraticDamping(0.3, 8.0), tolerance=1e-5)

@@ -229,7 +229,7 @@ def small_curve(model, modes):
     def checked(amplitudes, phases):
         record = ResponseRecord(f, amplitudes, phases, base=base)
         block = curve_block(model, [(1, record)], law, ("ratio1",), {}, modes=3, harmonics=3)
-        return record, block.checked(modes.frequencies)
+        return record, block.orient(modes.frequencies)
 
     return curve[:, 0], curve[:, 1], checked
 

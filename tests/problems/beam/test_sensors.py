@@ -17,8 +17,8 @@ from ancf_casadi import (
     simulate,
     static_equilibrium,
 )
+from ancf_casadi.figures.files import figure_bytes
 from ancf_casadi.mechanics.loads import PointLoad
-from ancf_casadi.plot import figure_bytes
 from ancf_casadi.records.sensor import Sensor
 from problems import Camera, Channel, MarkerRecord, MotionRecord, StaticRecord, fit_beam
 from problems.beam.motions.weights import first_weights

@@ -132,7 +132,7 @@ def test_units_and_columns_are_given_by_options(run, tmp_path):
 
 
 def test_a_unit_at_the_end_of_a_name_is_read_or_refused(run, tmp_path):
-    """Regression: ``acc_m_s2`` was taken for metres, without a word."""
+    """A column ``acc_m_s2`` holds no metres."""
     time = np.arange(0.0, 5.0, 0.01)
     swing = np.exp(-0.3 * time) * np.cos(19.0 * time)
     for name, what in (("acc_m_s2", ""), ("jerk_m_s3", "the unit 'm_s3' is not understood")):

@@ -17,7 +17,7 @@ from ancf_casadi import (
     natural_modes,
 )
 from ancf_casadi.estimation.result import FitResult
-from ancf_casadi.plot import figure_bytes
+from ancf_casadi.figures.files import figure_bytes
 from ancf_casadi.response.linear_frf import FRF_POWERS
 from problems import FrfRecord, Global, fit_frf, match_frequencies
 from problems.frf import fitting, selection

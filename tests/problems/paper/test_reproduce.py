@@ -49,7 +49,7 @@ class TestContents:
 
     def test_a_quick_look_shows_something_of_every_section(self):
         """Of the numbered tables and figures, those of one step are missing, which repeat others with another law."""
-        steps = PAPER.shortened().steps
+        steps = PAPER.shorten().steps
         names = {step.name for step in steps}
         assert [step.section for step in steps if step.section] == [
             step.section for step in PAPER.steps if step.section
@@ -248,7 +248,7 @@ def test_a_study_that_was_killed_continues(small_study, tmp_path):
 @pytest.mark.skipif(os.name != "posix", reason="the signal is one of POSIX")
 @pytest.mark.parametrize("count", [1, 8])
 def test_a_study_that_is_interrupted_ends_at_once(tmp_path, count):
-    """Regression: to cancel tasks of processes that were ended broke the executor, and threads waited for ever."""
+    """Tasks of processes that have ended are not cancelled, which would break the executor."""
     with run("reproduce", "--out", tmp_path / "stopped") as process:
         while len(list((tmp_path / "stopped").rglob("*.msgpack"))) < count:
             assert process.poll() is None

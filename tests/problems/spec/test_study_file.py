@@ -27,7 +27,7 @@ from ancf_casadi import (
 from ancf_casadi.export import Document, write_document
 from ancf_casadi.support.inputs import numbers
 from problems import Global, MeasuredModes, PerElement, Smooth
-from problems.spec.beam import read_beam, read_damped
+from problems.spec.beam import read_beam, read_damped_beam
 from problems.spec.motion import SimulationTables
 from problems.study.reading import read_study
 from tests.problems.conftest import STRIP
@@ -339,10 +339,10 @@ def test_a_quadratic_law_may_be_given_by_its_drag_coefficient(tmp_path):
     beam = "length = 0.5\nwidth = 5e-3\nthickness = 0.5e-3\ndensity = 8000.0\nelastic_modulus = 210e9\nelements = 4\n"
     law = '[[damping]]\nlaw = "quadratic"\ndrag_coefficient = 0.99\n'
     path.write_text(f"[beam]\n{beam}{law}air_density = 1.2\n")
-    assert read_damped(str(path)).damping.eta2 == pytest.approx(0.11, rel=1e-3)
+    assert read_damped_beam(str(path)).damping.eta2 == pytest.approx(0.11, rel=1e-3)
     path.write_text(f"[beam]\n{beam}{law}air_density = 1.2\neta2 = 0.1\n")
     with pytest.raises(InputError, match="eta2"):
-        read_damped(str(path))
+        read_damped_beam(str(path))
     path.write_text(f"[beam]\n{beam}{law}")
     with pytest.raises(InputError, match="air_density"):
-        read_damped(str(path))
+        read_damped_beam(str(path))

@@ -282,7 +282,7 @@ def test_a_study_without_labels_counts(study_file, tmp_path):
 
 
 def test_a_computation_that_steps_share_counts_once_for_all():
-    """Regression: the total of a study was more than the time that it had taken."""
+    """The total of a study is no more than the time that it takes."""
     a, b = (Doubles(name=name, terms=(), after=(), log="") for name in "ab")
     ran = (
         Finding({}, name="a", times={"1": 0.75, "2": 0.5, "3": 0.75}),

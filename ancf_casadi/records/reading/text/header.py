@@ -31,7 +31,7 @@ from ancf_casadi.records.reading.text.cells import is_comment, strip_comment
 from ancf_casadi.records.reading.text.dialect import SEPARATORS, TableHead
 from ancf_casadi.records.units import Unit, column_unit, names_time, parse_unit, unit_in_name
 from ancf_casadi.support.inputs import shown
-from ancf_casadi.support.tables import counted
+from ancf_casadi.support.tables import plural
 
 BRACKETED = re.compile(r"[(\[{<][^()\[\]{}<>]*[)\]}>]")
 NONE = frozenset({"", "-", "--", "[]", "()", "[-]", "(-)", "1", "none", "Value", "Values", "value", "values"})
@@ -110,7 +110,7 @@ def _named_row(filled: Sequence[tuple[int, str]], names_row: int, table: TableHe
         cells.pop()
     cells += [""] * (table.width - len(cells)) * (table.dialect.delimiter != " ")
     if len(cells) != table.width:
-        fault = f"has {counted(len(cells), 'name')} for {counted(table.width, 'column')}; name another with --names-row"
+        fault = f"has {plural(len(cells), 'name')} for {plural(table.width, 'column')}; name another with --names-row"
         raise InputError(fault, f"{path}, line {names_row}")
     return cells
 
@@ -196,7 +196,7 @@ def _check_metadata(line: str, table: TableHead, where: str) -> None:
     kinds = {table.dialect.kind(cell) for cell in cells}
     if kinds <= {"number", "gap", "stamp"} and kinds & {"number", "stamp"}:
         raise InputError(
-            f"has {counted(len(cells), 'column')} where the table has {table.width}; remove the line, or "
+            f"has {plural(len(cells), 'column')} where the table has {table.width}; remove the line, or "
             "leave it out with --skip-rows",
             where,
         )

@@ -35,7 +35,7 @@ from ancf_casadi.records.reading.text.dialect import TableHead, find_table
 from ancf_casadi.records.reading.text.header import Head, blank_above_names, mask_unlikely, read_heading, sampling_step
 from ancf_casadi.records.units import parse_unit
 from ancf_casadi.support.arrays import Array, ComplexArray, Index
-from ancf_casadi.support.tables import counted, printable
+from ancf_casadi.support.tables import plural, printable
 
 BLOCK_BYTES = 4 * 2**20  # bytes
 MAX_LINE_BYTES = 2**20  # bytes
@@ -223,7 +223,7 @@ class _Reader:
             while len(cells) > width and not cells[-1]:
                 cells.pop()
             if len(cells) != width:
-                fault = f"has {counted(len(cells), 'column')} where the table has {width}; complete or remove the line"
+                fault = f"has {plural(len(cells), 'column')} where the table has {width}; complete or remove the line"
                 raise InputError(fault, f"{self.path}, line {number}")
             rows.append(cells)
             lines.append(number)

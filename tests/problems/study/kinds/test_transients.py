@@ -73,7 +73,7 @@ def test_a_synthetic_measurement_says_so(report):
 def test_a_quick_look_drives_for_less_time(report, study_file):
     run, *_ = read_study(study_file(BEAM, LAWS, PARTS)).steps[0].runs
     assert run.steps_per_period == EXPERIMENT_STEPS > QUICK_STEPS
-    assert run.shortened().steps_per_period == QUICK_STEPS
+    assert run.shorten().steps_per_period == QUICK_STEPS
     assert report.results["transients"]["runs"][0]["stop_s"] == pytest.approx(QUICK_DRIVING * run.stop, rel=0.3)
     assert QUICK_DRIVING < 0.2
 

@@ -8,7 +8,8 @@ import pytest
 
 from ancf_casadi import Beam, HarmonicBase, Model, Trajectory, simulate
 from ancf_casadi.exceptions import InputError
-from ancf_casadi.plot import figure_bytes, properties_figure
+from ancf_casadi.figures.beams import properties_figure
+from ancf_casadi.figures.files import figure_bytes
 
 
 @pytest.fixture(scope="module")
@@ -64,7 +65,7 @@ def test_another_format_is_refused(motion, suffix):
 def test_drawing_needs_no_display_and_no_global_state():
     """Figures are drawn without pyplot, which would select a backend and keep the figures alive."""
     code = (
-        "import sys, ancf_casadi.plot; from problems.study.drawing import new_figure; new_figure(2.0); "
+        "import sys, ancf_casadi.figures.motions; from problems.study.drawing import new_figure; new_figure(2.0); "
         "print('matplotlib.pyplot' in sys.modules)"
     )
     done = run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60, check=True)

@@ -5,9 +5,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from ancf_casadi.estimation.figures import channels_figure, scatter_figure
 from ancf_casadi.estimation.prediction import PredictedChannel
-from ancf_casadi.response.drawing import Curve, bode_figure
+from ancf_casadi.figures.fits import channels_figure, scatter_figure
+from ancf_casadi.figures.responses import Curve, bode_figure
 
 
 def test_the_axis_of_a_narrow_scatter_shows_the_values_and_no_offset():

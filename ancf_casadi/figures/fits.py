@@ -174,7 +174,7 @@ def _draw_channel(upper: Axes, lower: Axes, channel: PredictedChannel, size: flo
 
 
 @literal_text
-def drawn_corner(labels: Sequence[str], columns: Sequence[Array], shares: Sequence[float]) -> Figure:
+def corner_figure(labels: Sequence[str], columns: Sequence[Array], shares: Sequence[float]) -> Figure:
     """Draw histograms of samples on the diagonal, and pairs below it with contours about shares of the samples."""
     n = len(columns)
     figure = Figure(figsize=(1.5 + 1.7 * n, 1.2 + 1.7 * n), layout="constrained")

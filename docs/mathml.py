@@ -1,9 +1,8 @@
 r"""Write the formulas of the site as MathML, which browsers show without a script and without a network.
 
-Numbers such as 2.5e-6 stay on one line, which browsers would break at the hyphen.
-
 The pages hold LaTeX between dollar signs, which hosting services of repositories show as well.  A displayed formula
-states its number in the paper as ``\tag{6}``, and is then the target ``#equation-6``.
+states its number in the paper as ``\tag{6}``, and is then the target ``#equation-6``.  A formula stays with the
+punctuation beside it, and numbers such as 2.5e-6 stay on one line; browsers would break both.
 """
 
 from __future__ import annotations
@@ -68,25 +67,31 @@ def keep_numbers_whole(doctree: nodes.document) -> None:
             getLogger(__name__).warning("a dollar sign without a formula: %r", text.astext(), location=text.parent)
         parts = NUMBER.split(text.astext())
         if len(parts) > 1:
-            text.parent.replace(
-                text, [whole(nodes.Text(part)) if k % 2 else nodes.Text(part) for k, part in enumerate(parts)]
-            )
+            place = place_of(text)
+            text.parent[place : place + 1] = [
+                whole(nodes.Text(part)) if k % 2 else nodes.Text(part) for k, part in enumerate(parts)
+            ]
 
 
 def keep_punctuation(doctree: nodes.document) -> None:
     """Let no line break between a formula and the punctuation beside it."""
     for formula in list(doctree.findall(nodes.math)):
-        parent, place = formula.parent, formula.parent.index(formula)
+        parent, place = formula.parent, place_of(formula)
         before, after = parent[place - 1] if place else None, parent[place + 1] if place + 1 < len(parent) else None
         opening = re.search(r"[(/]*\Z", before) if isinstance(before, nodes.Text) else None
         closing = re.match(r"[,.;:)/]*", after) if isinstance(after, nodes.Text) else None
         pieces = [nodes.Text(found[0]) if found else nodes.Text("") for found in (opening, closing)]
         if any(pieces):
-            parent.replace(formula, whole(pieces[0], formula.deepcopy(), pieces[1]))
+            parent[place] = whole(pieces[0], formula.deepcopy(), pieces[1])
             if opening:
-                parent.replace(before, nodes.Text(before[: opening.start()]))
+                parent[place - 1] = nodes.Text(before[: opening.start()])
             if closing:
-                parent.replace(after, nodes.Text(after[closing.end() :]))
+                parent[place + 1] = nodes.Text(after[closing.end() :])
+
+
+def place_of(node: nodes.Node) -> int:
+    """Return the place of a node in its parent, which may hold other nodes of the same text."""
+    return next(place for place, child in enumerate(node.parent.children) if child is node)
 
 
 def whole(*parts: nodes.Node) -> nodes.inline:

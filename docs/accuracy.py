@@ -118,7 +118,7 @@ def orders() -> Iterator[str]:
                     cells.append(f"stalls at {error.time:.2g} s")
                 else:
                     cells.append(f"{abs(run.tip - exact.tip).max() / SMALL:.1e}, {run.steps}")
-            yield row(mode + 1, f"beta {beta:g} s" if beta else "none", *cells)
+            yield row(mode + 1, rf"$\beta$ = {beta:g} s" if beta else "none", *cells)
 
 
 def released(elements: int, load: float, **settings: Any) -> Trajectory:
@@ -133,7 +133,7 @@ def tolerances() -> Iterator[str]:
     settings = {"damping": DAMPED, "duration": 0.3, "sample_rate": 200.0}
     exact = released(20, 3.0, method="radau", tolerance=EXACT, **settings)
     most = np.abs(exact.clamp_force[1:, :2]).max()
-    yield row("method", "tolerance", "tip / L", "clamp force / maximum", "energy balance / initial energy", "steps")
+    yield row("method", "tolerance", "tip / $L$", "clamp force / maximum", "energy balance / initial energy", "steps")
     yield rule(6)
     for method, ladder in (("idas", (1e-6, *LADDERS[0][1][:-1])), ("radau", (1e-5, *LADDERS[1][1], 1e-10))):
         errors = []
@@ -152,7 +152,7 @@ def turning() -> Iterator[str]:
     model = Model(Beam.uniform(**BEAM, **WEIGHTLESS, elements=10))
     time = np.linspace(0.0, 0.5, 201)
     base = SampledBase(time, np.zeros((201, 2)), 4 * np.pi * time)
-    yield row("beta 1e-3 s, stiffness", "idas, 1e-8: dissipated / kinetic energy", "steps", "radau, 1e-7", "steps")
+    yield row(r"stiffness, $\beta$ = 1 ms", "idas, 1e-8: dissipated / kinetic energy", "steps", "radau, 1e-7", "steps")
     yield rule(5)
     kinds: tuple[ProportionalStiffness, ...] = ("strain-rate", "tangent", "reference")
     for kind in kinds:
@@ -177,7 +177,13 @@ def undamped() -> Iterator[str]:
 
 def backbone() -> Iterator[str]:
     """Frequency of mode 1 against amplitude."""
-    yield row("gravity", "method, tolerance", "tip amplitude / L", "omega/omega_linear - 1", "the same over (A/L)^2")
+    yield row(
+        "gravity",
+        "method, tolerance",
+        "tip amplitude / $L$",
+        r"$\omega/\omega_{\mathrm{linear}} - 1$",
+        "the same over $(A/L)^2$",
+    )
     yield rule(5)
     for name, changes, across in (("none", WEIGHTLESS, 1), ("hanging", {}, 0)):
         modes = natural_modes(Model(Beam.uniform(**{**BEAM, **changes, "elements": 8})), count=6)
@@ -212,7 +218,7 @@ def elements() -> Iterator[str]:
     errors = {n: abs(tips[n] - tips[80]).max() / LENGTH for n in (5, 10, 20, 40)}
     yield row("elements", *errors)
     yield rule(1 + len(errors))
-    yield row("tip error / L", *(f"{error:.1e}" for error in errors.values()))
+    yield row("tip error / $L$", *(f"{error:.1e}" for error in errors.values()))
     yield row("order", "", *(f"{np.log2(errors[n // 2] / errors[n]):.2f}" for n in (10, 20, 40)))
 
 

@@ -189,8 +189,8 @@ def strip_fits() -> Iterator[str]:
         "thickness, mm",
         "orientation",
         "unknowns",
-        "E, GPa",
-        "E I, N m^2",
+        "$E$, GPa",
+        "$EI$, N m²",
         "tip mass, g",
         "clamp, N m/rad",
         "scatter, %",
@@ -211,7 +211,7 @@ def strip_fits() -> Iterator[str]:
 
 def composite_fits() -> Iterator[str]:
     """Composite strip: fits to seven deflections."""
-    yield row("unknowns", "mass, g/m", "loads up to, g", "E I, N m^2", "clamp, N m/rad", "scatter, %")
+    yield row("unknowns", "mass, g/m", "loads up to, g", "$EI$, N m²", "clamp, N m/rad", "scatter, %")
     yield rule(6)
     for names, mass, most in COMPOSITE_CASES:
         fit = property_fit([composite_record(mass, most)], names)
@@ -223,7 +223,7 @@ def composite_fits() -> Iterator[str]:
 def silicone_fits(folder: Path) -> Iterator[str]:
     """Silicone beam: fits to positions at rest and frequencies, and predictions."""
     rest, tones = silicone_records(folder)
-    yield row("records", "unknowns", "E, kPa", "density, kg/m^3", "residuals, %")
+    yield row("records", "unknowns", "$E$, kPa", "density, kg/m³", "residuals, %")
     yield rule(5)
     for words, records, names in silicone_cases(rest, tones):
         fit = property_fit(records, names)
@@ -271,8 +271,8 @@ COMPOSITE_CASES = (
     (("bending_stiffness", "clamp_stiffness"), 1e-6, 200.0),
 )
 SHORT = {
-    "elastic_modulus": "E",
-    "bending_stiffness": "E I",
+    "elastic_modulus": "$E$",
+    "bending_stiffness": "$EI$",
     "clamp_stiffness": "clamp",
     "tip_mass": "tip mass",
     "density": "density",

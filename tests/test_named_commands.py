@@ -30,7 +30,7 @@ def command_lines(path: Path) -> Iterator[str]:
     """Yield the command lines of a file without the name of the program; pages and changelog have them in code."""
     text = path.read_text()
     if path.name == "CHANGELOG.md":
-        text = text.partition("## [Unreleased]")[2].partition("\n## [")[0]
+        text = text.partition("\n## ")[2].partition("\n## ")[0]
     codes = re.findall(r"```.*?```|`[^`]+`", text, re.S) if path.suffix == ".md" else [text]
     for code in codes:
         yield from LINE.findall(code)

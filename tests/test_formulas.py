@@ -1,0 +1,88 @@
+"""Formulas in the documentation are typeset between dollar signs, and each can be shown as MathML."""
+
+import importlib
+import re
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+DOCS = Path(__file__).parents[1] / "docs"
+PAGES = sorted(  # api and gallery come from docstrings
+    path for path in DOCS.rglob("*.md") if not {"_build", "api", "gallery"} & set(path.relative_to(DOCS).parts)
+)
+CODE = re.compile(
+    r"^( *)(?P<fence>`{3,}|~{3,}).*?^ *(?P=fence)`*$|(?P<ticks>`+)(?!`).+?(?<!`)(?P=ticks)(?!`)", re.S | re.M
+)
+FORMULA = re.compile(r"\$\$(?P<display>.+?)\$\$|\$(?P<inline>[^$\n]+)\$", re.S)
+GREEK = "alpha|beta|gamma|delta|eps|zeta|eta|theta|kappa|lambda|mu|xi|rho|sigma|tau|phi|psi|omega|Gamma|Phi|Theta|Omega"
+PLAIN = re.compile(  # formulas as in the docstrings
+    rf"_tt?\b|\^|\bint |sqrt\(|\b(?:{GREEK})\d?(?:_\w+)?\b(?! law)|\b\d+ pi\b|\bE [AI]\b|\+-"
+    r"|(?<![\w.])\d+(?:\.\d+)?e-?\d+\b(?=[^|]*$)"
+)
+GENERALISED = "generalised alpha"  # the name of a method
+
+
+def without_code(page: Path) -> str:
+    """Return a page without its code, with as many lines."""
+    return CODE.sub(lambda found: "\n" * found[0].count("\n"), page.read_text())
+
+
+def formulas(page: Path) -> Iterator[tuple[str, bool]]:
+    """Yield the formulas of a page, and whether they are displayed."""
+    for found in FORMULA.finditer(without_code(page)):
+        yield found["display"] or found["inline"], found["display"] is not None
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(DOCS)))
+def test_formulas_are_typeset(page):
+    text = FORMULA.sub(lambda found: "\n" * found[0].count("\n"), without_code(page)).replace(GENERALISED, "")
+    text = re.sub(r"\]\([^)]*\)", "]", text)
+    assert "$" not in text
+    found = [f"{number}: {line}" for number, line in enumerate(text.splitlines(), 1) if PLAIN.search(line)]
+    assert not found
+
+
+@pytest.fixture
+def mathml(monkeypatch):
+    """The extension of the site, with the library that converts formulas."""
+    pytest.importorskip("math_core")
+    pytest.importorskip("sphinx")
+    monkeypatch.syspath_prepend(DOCS)
+    yield importlib.import_module("mathml")
+    sys.modules.pop("mathml")
+
+
+def test_every_formula_is_shown(mathml):
+    count = 0
+    for page in PAGES:
+        numbers = []
+        for latex, display in formulas(page):
+            formula, number = mathml.numbered(latex) if display else (latex, "")
+            assert mathml.mathml(formula, display=display).startswith("<math")
+            numbers += [number] if number else []
+            count += 1
+        assert len(numbers) == len(set(numbers))  # each number is an anchor
+    assert count > 400
+
+
+def test_a_formula_that_cannot_be_shown_is_refused(mathml):
+    with pytest.raises(mathml.LatexError):
+        mathml.mathml(r"\nosuch x", display=False)
+
+
+def test_elements_without_line_breaks_change_no_text(mathml):
+    """Several texts of the paragraph are equal."""
+    nodes = mathml.nodes
+    texts = ["a (", ", ", ", ", "\n", ", 2.5e-6, ", ", ", ", 2.5e-6, ", "."]
+    paragraph = nodes.paragraph()
+    for k, text in enumerate(texts):
+        paragraph += [nodes.Text(text), nodes.math("", f"x_{k}")]
+    document = nodes.section("", paragraph)
+    before = document.astext()
+    mathml.keep_numbers_whole(document)
+    mathml.keep_punctuation(document)
+    assert document.astext() == before
+    whole = [node.astext() for node in document.findall(nodes.inline)]
+    assert {"(x_0,", "2.5e-6", "x_6."} <= set(whole)

@@ -59,6 +59,7 @@ LAST_INACCURATE_STEP = 0.3  # the same where the residuals have an error of thei
 SHORT_STEP = 3.0  # the same, below which the Jacobian is taken to stay as it is
 ROUNDING = 1e-13  # the same, relative to that by unknowns from zero
 MOST_STEPS, MOST_FAILURES = 50, 6  # the latter in a row
+CLOSED_FORM_STEPS, CLOSED_FORM_ROUNDING = 300, 1e-15  # both for residuals in closed form
 LEAST_GAIN, GOOD_GAIN = 1e-3, 0.75  # decrease of the loss over the predicted one
 NEARER = 0.5  # length of a further step after a step, by the same Jacobian, that shows progress to the minimum
 GROWTH, SHRINKAGE = 3.0, 0.25  # of the limit of a step
@@ -135,11 +136,13 @@ def minimise(
     systematic: float = 0.0,
     inaccuracy: float = 0.0,
     jacobian: Array | None = None,
+    closed_form: bool = False,
 ) -> Minimum:
     """Minimise the loss within bounds by Gauss-Newton steps from z, in units of the scales of the unknowns.
 
     ``evaluate`` returns residuals and Jacobian; ``inaccuracy`` is the norm of the error of the residuals, below which
-    no step needs to be; ``jacobian`` is the first J, that at z if not given.
+    no step needs to be; ``jacobian`` is the first J, that at z if not given.  Residuals in closed form are cheap, and
+    exact to rounding.
     """
     small, y = LAST_INACCURATE_STEP if inaccuracy else LAST_STEP, cs.MX.sym("z", len(z))
     values = cs.Function("values", [y], [evaluate.call([y], True, False)[0]])
@@ -158,11 +161,14 @@ def minimise(
         step = _step(rows, psi / weights, lower - z, upper - z)
         change = float(np.linalg.norm(rows @ step))
         deviation = math.sqrt(dispersion(r, max(len(r) - len(z), 1), huber, systematic) * curvature)
-        rounding = ROUNDING * float(np.linalg.norm(rows * z))
+        rounding = (CLOSED_FORM_ROUNDING if closed_form else ROUNDING) * float(np.linalg.norm(rows * z))
         if change <= max(small * deviation, inaccuracy, rounding):
             last = np.clip(z + step, lower, upper)
-            return Minimum(last, r + jacobian @ (last - z), jacobian, steps + 1, settled=True)
-        if failures == MOST_FAILURES or steps == MOST_STEPS:
+            r = r + jacobian @ (last - z)
+            if closed_form:
+                r, jacobian = residuals_and_jacobian(evaluate, last)
+            return Minimum(last, r, jacobian, steps + 1, settled=True)
+        if failures == MOST_FAILURES or steps == (CLOSED_FORM_STEPS if closed_form else MOST_STEPS):
             return Minimum(z, r, jacobian, steps, settled=False)
         if np.abs(step).max() > reach:
             step = _step(rows, psi / weights, np.maximum(lower - z, -reach), np.minimum(upper - z, reach))

@@ -47,6 +47,7 @@ def least_squares(
     *,
     huber: float = math.inf,  # residual beyond which the loss grows linearly
     gauss_newton: bool = False,  # gradient from J and Hessian J' J: second derivatives of a motion are expensive
+    closed_form: bool = False,  # second derivatives of the residuals are cheap, also if the minimum needs none
     series: Sequence[int] = (),  # lengths of the series of residuals, each in the order of time; white noise without
     times: Array | None = None,  # of the residuals, s; if None, those of a series are equally spaced
     inaccuracy: float = 0.0,  # norm of the error of the residuals, below which they need not be minimised
@@ -76,6 +77,7 @@ def least_squares(
     if gauss_newton:
         settings: dict[str, Any] = {"huber": huber, "systematic": systematic, "inaccuracy": inaccuracy}
         settings["jacobian"] = None if jacobian is None else jacobian * y.scale
+        settings["closed_form"] = closed_form
         minimum, status = _by_steps(evaluate, y.guess / y.scale, bounds, settings, advice), "converged"
     else:
         minimum, status = _by_ipopt(residuals, evaluate, y, huber, bounds, options, advice)
@@ -116,7 +118,13 @@ def least_squares(
         iterations=minimum.steps,
         solve_seconds=seconds,
         model=evaluate,
-        settings={"gauss_newton": gauss_newton, "inaccuracy": inaccuracy, "options": options, "advice": advice},
+        settings={
+            "gauss_newton": gauss_newton,
+            "closed_form": closed_form,
+            "inaccuracy": inaccuracy,
+            "options": options,
+            "advice": advice,
+        },
     )
 
 

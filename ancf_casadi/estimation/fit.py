@@ -87,11 +87,12 @@ class Fit:
     condition: float  # of the Jacobian of the free unknowns, its columns scaled to unit length
     huber: float  # residual d beyond which the loss grows linearly; infinite for least squares
     systematic: float  # root mean square e of a systematic error of the residuals, for which the standard errors allow
-    status: str  # return status of IPOPT; "converged" after Gauss-Newton steps
-    iterations: int  # of IPOPT, or Gauss-Newton steps
+    iterations: int  # Gauss-Newton steps
     solve_seconds: float  # solution time, s
     model: cs.Function  # coordinates in units of their scales -> residuals, and their Jacobian by these
     settings: Mapping[str, Any]  # settings of ``least_squares``, for a fit to other data
+
+    status = "converged"  # otherwise there is no fit
 
     @property
     def names(self) -> tuple[str, ...]:

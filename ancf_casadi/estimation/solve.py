@@ -140,7 +140,6 @@ class FitProblem:
             self.residuals,
             self.unknowns,
             huber=HUBER * scale if self.robust else math.inf,
-            gauss_newton=True,
             closed_form=self.closed_form,
             series=self.series,
             times=self.times,

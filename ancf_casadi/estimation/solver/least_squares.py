@@ -1,14 +1,12 @@
-"""Bounded least squares, solved by IPOPT with exact derivatives.
+"""Bounded least squares by Gauss-Newton steps, with exact derivatives.
 
 For n unknowns x with guesses, scales and bounds, and at least as many residuals r(x), the problem in z = x/scale, or
 scale/x for a reciprocal unknown, is
 
-    minimise  1/2 r(S z)' r(S z) / w    subject to  lower <= S z <= upper,
+    minimise  1/2 r(S z)' r(S z)    subject to  lower <= S z <= upper,
 
-with S the diagonal matrix of the scales, J = dr/dx, and w the largest diagonal entry of S J' J S at the guess, so that
-the tolerance of the solver refers to the unknowns in units of their scales.  CasADi gives gradient and Hessian.
-``gauss_newton`` has the loss that replaces r^2/2 if some residuals are outliers, and the Gauss-Newton steps that take
-the place of IPOPT if second derivatives of the residuals are expensive; ``fit`` has the uncertainty of the solution.
+with S the diagonal matrix of the scales.  CasADi gives the Jacobian.  ``gauss_newton`` has the steps, and the loss that
+replaces r^2/2 if some residuals are outliers; ``fit`` has the uncertainty of the solution.
 """
 
 from __future__ import annotations
@@ -16,28 +14,19 @@ from __future__ import annotations
 import math
 import time
 import warnings
-from collections.abc import Callable, Mapping, Sequence
-from typing import Any
+from collections.abc import Callable, Sequence
 
 import casadi as cs
 import numpy as np
 
 from ancf_casadi.estimation.fit import Fit
 from ancf_casadi.estimation.noise.stated import residual_noise
-from ancf_casadi.estimation.solver.gauss_newton import Minimum, influence, loss, minimise, residuals_and_jacobian
-from ancf_casadi.estimation.solver.nlp import solve_nlp
+from ancf_casadi.estimation.solver.gauss_newton import Minimum, influence, minimise, residuals_and_jacobian
 from ancf_casadi.estimation.solver.unknown import Coordinates, Unknown, with_guesses
 from ancf_casadi.exceptions import FitError, InputError
 from ancf_casadi.support.arrays import Array, Mask
 from ancf_casadi.support.tall import tall_triangle
 
-TIGHT: Mapping[str, Any] = {
-    "ipopt.tol": 1e-12,
-    "ipopt.compl_inf_tol": 1e-18,  # an unknown that just touches its bound ends the square root of this from it
-    "ipopt.acceptable_tol": 1e-8,
-    "ipopt.bound_relax_factor": 0.0,
-    "ipopt.max_iter": 300,
-}
 AT_BOUND = 1e-6  # distance, in scales, that an interior-point method leaves between an unknown and its active bound
 
 
@@ -46,8 +35,7 @@ def least_squares(
     unknowns: Sequence[Unknown],
     *,
     huber: float = math.inf,  # residual beyond which the loss grows linearly
-    gauss_newton: bool = False,  # gradient from J and Hessian J' J: second derivatives of a motion are expensive
-    closed_form: bool = False,  # second derivatives of the residuals are cheap, also if the minimum needs none
+    closed_form: bool = True,  # residuals and their second derivatives are cheap, and exact to rounding
     series: Sequence[int] = (),  # lengths of the series of residuals, each in the order of time; white noise without
     times: Array | None = None,  # of the residuals, s; if None, those of a series are equally spaced
     inaccuracy: float = 0.0,  # norm of the error of the residuals, below which they need not be minimised
@@ -55,13 +43,9 @@ def least_squares(
     stated: Mask | None = None,  # residuals (m,) whose standard deviation the user states; those of a robust fit vary
     deviation: float = 1.0,  # the stated standard deviation
     jacobian: Array | None = None,  # of the residuals by the coordinates of the unknowns near the guess, (m, n)
-    options: Mapping[str, Any] | None = None,  # of ``nlpsol`` and IPOPT; they override those set here
     advice: str = "",  # for the error message if there is no solution
 ) -> Fit:
-    """Estimate unknowns within their bounds by least squares or, with ``huber``, by the pseudo-Huber loss.
-
-    With ``gauss_newton``, Gauss-Newton steps take the place of IPOPT (``gauss_newton``).
-    """
+    """Estimate unknowns within their bounds by least squares or, with ``huber``, by the pseudo-Huber loss."""
     if not huber > 0.0:
         raise InputError(f"must be positive, got {huber:g}", "huber")
     names = tuple(unknown.name for unknown in unknowns)
@@ -72,19 +56,24 @@ def least_squares(
     if evaluate.size1_out(0) < len(names):
         raise InputError(f"{evaluate.size1_out(0)} values cannot determine {len(names)} unknowns", "residuals")
 
-    bounds = {"lower": y.lower / y.scale, "upper": y.upper / y.scale}
+    lower, upper = y.lower / y.scale, y.upper / y.scale
     began = time.perf_counter()
-    if gauss_newton:
-        settings: dict[str, Any] = {"huber": huber, "systematic": systematic, "inaccuracy": inaccuracy}
-        settings["jacobian"] = None if jacobian is None else jacobian * y.scale
-        settings["closed_form"] = closed_form
-        minimum, status = _by_steps(evaluate, y.guess / y.scale, bounds, settings, advice), "converged"
-    else:
-        minimum, status = _by_ipopt(residuals, evaluate, y, huber, bounds, options, advice)
+    minimum = minimise(
+        evaluate,
+        y.guess / y.scale,
+        lower,
+        upper,
+        huber=huber,
+        systematic=systematic,
+        inaccuracy=inaccuracy,
+        jacobian=None if jacobian is None else jacobian * y.scale,
+        closed_form=closed_form,
+    )
     seconds = time.perf_counter() - began
+    _check_minimum(minimum, advice)
     z, r, jacobian = minimum.z, minimum.residuals, minimum.jacobian
     bound_distance = np.maximum(AT_BOUND, _invisible_moves(r, jacobian, systematic))
-    at_lower, at_upper = z - bounds["lower"] < bound_distance, bounds["upper"] - z < bound_distance
+    at_lower, at_upper = z - lower < bound_distance, upper - z < bound_distance
     values, active = np.select([at_lower, at_upper], [y.lower, y.upper], z * y.scale), at_lower | at_upper
     if (active & (values / y.scale != z)).any():
         r, jacobian = residuals_and_jacobian(evaluate, values / y.scale)
@@ -114,53 +103,25 @@ def least_squares(
         condition=condition,
         huber=huber,
         systematic=systematic,
-        status=status,
         iterations=minimum.steps,
         solve_seconds=seconds,
         model=evaluate,
-        settings={
-            "gauss_newton": gauss_newton,
-            "closed_form": closed_form,
-            "inaccuracy": inaccuracy,
-            "options": options,
-            "advice": advice,
-        },
+        settings={"closed_form": closed_form, "inaccuracy": inaccuracy, "advice": advice},
     )
 
 
-def _by_steps(
-    evaluate: cs.Function, guess: Array, bounds: Mapping[str, Array], settings: Mapping[str, Any], advice: str
-) -> Minimum:
-    """Return the minimum by Gauss-Newton steps."""
-    minimum = minimise(evaluate, guess, bounds["lower"], bounds["upper"], **settings)
+def _check_minimum(minimum: Minimum, advice: str) -> None:
+    """Raise a FitError if no step was possible, or if the steps do not converge."""
     if not minimum.steps:
-        _weight(minimum.jacobian)  # check
+        slope = float(np.max(np.abs(minimum.jacobian)))
+        if not (math.isfinite(slope) and slope > 0.0):
+            fault = "zero" if slope == 0.0 else "not finite"
+            raise FitError(f"at the guess the derivatives of the residuals are {fault}; start from another guess")
     if not minimum.settled:
         raise FitError(
             f"no minimum was found: {minimum.steps} Gauss-Newton steps do not converge; {advice or 'start closer'}",
             {"iter_count": minimum.steps},
         )
-    return minimum
-
-
-def _by_ipopt(
-    residuals: Callable[..., cs.MX],
-    evaluate: cs.Function,
-    y: Coordinates,
-    huber: float,
-    bounds: Mapping[str, Array],
-    options: Mapping[str, Any] | None,
-    advice: str,
-) -> tuple[Minimum, str]:
-    """Return the minimum by IPOPT, and its return status."""
-    r, jacobian = residuals_and_jacobian(evaluate, y.guess / y.scale)
-    weight = _weight(jacobian)
-    settings = {**TIGHT, **_near_start(r, weight), **(options or {})}
-    z = cs.MX.sym("z", len(y.scale))
-    objective = loss(residuals(*y.symbols(cs.vertsplit(cs.DM(y.scale) * z))), huber) / weight
-    solution = solve_nlp({"x": z, "f": objective}, y.guess / y.scale, **bounds, options=settings, advice=advice)
-    linearisation = residuals_and_jacobian(evaluate, solution.x)
-    return Minimum(solution.x, *linearisation, solution.iterations, settled=True), solution.status
 
 
 def residual_function(residuals: Callable[..., cs.MX], coordinates: Coordinates) -> cs.Function:
@@ -176,26 +137,6 @@ def _invisible_moves(residuals: Array, jacobian: Array, systematic: float) -> Ar
     with np.errstate(divide="ignore", invalid="ignore"):
         # change of the residuals, in standard deviations, by which an unknown at its bound may miss it
         return np.asarray(np.nan_to_num(0.01 * deviation / np.linalg.norm(jacobian, axis=0), posinf=0.0))
-
-
-def _weight(jacobian: Array) -> float:
-    """Return the divisor w of the objective, the largest diagonal entry of J' J at the guess."""
-    weight = float(np.max(np.sum(jacobian**2, axis=0)))
-    if not (math.isfinite(weight) and weight > 0.0):
-        fault = "zero" if weight == 0.0 else "not finite"
-        raise FitError(f"at the guess the derivatives of the residuals are {fault}; start from another guess")
-    return weight
-
-
-def _near_start(residuals: Array, weight: float) -> dict[str, float]:
-    """Return the initial barrier parameter mu, the mean contribution of a residual to the objective at the guess.
-
-    At a good guess the residuals are small: the default of IPOPT, 0.1, would outweigh them and drive the unknowns away.
-    So would its least distance from a bound; with a unit second derivative, the barrier keeps mu^1/2.
-    """
-    barrier = float(np.clip(np.mean(residuals**2) / (2 * weight), 1e-12, 0.1))  # the tolerance, and IPOPT's default
-    push = min(math.sqrt(barrier), 0.01)  # its default
-    return {"ipopt.mu_init": barrier, "ipopt.bound_push": push, "ipopt.bound_frac": push}
 
 
 def _inverse_root(jacobian: Array) -> tuple[Array, float, Mask]:

@@ -15,7 +15,7 @@ its sensor, and differences between the estimates from late parts of a record an
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, reduce
 from itertools import pairwise
@@ -115,22 +115,14 @@ class FreeDecay:
         """Return the sum of the modes at times (s) after the release for values of the unknowns by name."""
         return np.asarray(np.sum([mode.at(time, values) for mode in self.modes], axis=0))
 
-    def reduced(self, count: int, curve: FreeDecay | None = None, values: Mapping[str, float] | None = None) -> Self:
-        """Return the decay fitted as ``count`` samples: a curve, plus the projection of what it leaves of the record.
-
-        The curve is that of the modes of a decay for values of their unknowns; 0 if none is given.
-        """
+    def reduced(self, count: int, curve: Callable[[Array], Array] = np.zeros_like) -> Self:
+        """Return the decay fitted as ``count`` samples: a curve, plus the projection of what it leaves."""
         m = len(self.time)
         if count == m:
             return replace(self, fitted=self.record)
         time = (m / count * (np.arange(count) + 0.5) - 0.5) * self.record.time[-1] / (m - 1)
-        everywhere, fewer = (
-            (np.zeros(m), np.zeros(count))
-            if curve is None or values is None
-            else (curve.at(self.record.time, values), curve.at(time, values))
-        )
-        projected = fewer + project_on_cosines(self.record.values - everywhere, count)
-        return replace(self, fitted=Measurement(time, projected, self.record.name, self.record.sensor))
+        values = curve(time) + project_on_cosines(self.record.values - curve(self.record.time), count)
+        return replace(self, fitted=Measurement(time, values, self.record.name, self.record.sensor))
 
     def rounding_errors(self, values: Mapping[str, float], residual_rms: float) -> Array:
         """Return the errors (m, 4) of rounding of the record to steps (``quantisation``), 0 if there are none."""

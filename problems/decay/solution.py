@@ -87,8 +87,9 @@ def fit_one_mode(
         model = replace(model, span=amplitude_span(decays))
     lengths = [len(decay.time) for decay in decays]
     counts = lengths if robust else sample_counts(decays)
-    curve, values = (other_fit.decay, other_fit.fit.estimates) if other_fit else (None, {})
-    fitted = [decay.reduced(count, curve, values) for decay, count in zip(decays, counts, strict=True)]
+    values = other_fit.fit.estimates if other_fit else {}
+    curve = partial(other_fit.decay.at, values=values) if other_fit else np.zeros_like
+    fitted = [decay.reduced(count, curve) for decay, count in zip(decays, counts, strict=True)]
     problem, starts = decay_problem(model, fitted, robust=robust, priors=priors, other_estimates=values)
     solution = solve(problem, starts, compare=False)
     if counts != lengths and other_fit is None:
@@ -156,8 +157,11 @@ def _fitted_decays(solution: FitSolution) -> list[tuple[FreeDecay, slice]]:
 def _solve_less_curve(solution: FitSolution) -> FitSolution:
     """Solve a problem again, with the band of what the curve of its solution leaves of the records."""
     problem, estimates = solution.problem, solution.fit.estimates
-    decays = [decay.reduced(len(decay.fitted.time), decay, estimates) for decay, _ in _fitted_decays(solution)]
-    block = replace(problem.blocks[0], decays=tuple(decays), before=None)  # type: ignore[call-arg]
+    decays = tuple(
+        decay.reduced(len(decay.fitted.time), partial(decay.at, values=estimates))
+        for decay, _ in _fitted_decays(solution)
+    )
+    block = replace(problem.blocks[0], decays=decays, before=None)  # type: ignore[call-arg]
     unknowns = with_guesses(problem.unknowns, estimates)
     return solve(replace(problem, blocks=(block, *problem.blocks[1:]), unknowns=tuple(unknowns)))
 
@@ -196,7 +200,7 @@ def fit_several_modes(modes: Sequence[DecayFit], t: Array, y: Array) -> tuple[De
     record = Measurement(t - t[0], y, sensor=first.record.sensor)
     decay = replace(first, time=t, record=record, guess=guess, modes=tuple(decay_modes))
     (count,) = sample_counts([decay])
-    fitted = decay.reduced(count, decay, {unknown.name: unknown.guess for unknown in unknowns})
+    fitted = decay.reduced(count, partial(decay.at, values={unknown.name: unknown.guess for unknown in unknowns}))
     solution = solve(
         FitProblem(
             (DecayBlock.of([fitted]),),

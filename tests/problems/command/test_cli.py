@@ -346,16 +346,26 @@ def test_ctrl_c_during_an_import_ends_in_one_line(files, module):
 
 
 @pytest.mark.parametrize("megabytes", [400, 450, 500])
-def test_too_little_memory_for_the_solver_ends_in_one_line(files, megabytes):
+def test_too_little_memory_for_ipopt_is_one_error_and_enough_for_a_decay(files, megabytes):
     """The linear algebra of IPOPT tried to allocate its buffers for ever."""
     resource = pytest.importorskip("resource")
-    run = subprocess.run(
-        [sys.executable, "-m", "problems.cli", "fit-decay", "decay.csv"],
-        preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_AS, (megabytes * 2**20, megabytes * 2**20)),
-        capture_output=True, text=True, timeout=60, check=False,
-    )  # fmt: skip
-    assert run.returncode == 1
-    assert run.stderr.startswith("ancf-casadi: IPOPT needs 384 MiB of memory") and run.stderr.count("\n") == 1
+    code = (
+        "import casadi as cs; from ancf_casadi.estimation.solver.nlp import solve_nlp; x = cs.MX.sym('x');"
+        "solve_nlp({'x': x, 'f': x**2}, cs.DM(0).full())"
+    )
+    nlp, decay = (
+        subprocess.run(
+            [sys.executable, *arguments],
+            preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_AS, (megabytes * 2**20, megabytes * 2**20)),
+            capture_output=True,
+            text=True,
+            timeout=60,
+            check=False,
+        )
+        for arguments in (["-c", code], ["-m", "problems.cli", "fit-decay", "decay.csv"])
+    )
+    assert nlp.stderr.splitlines()[-1].startswith("ancf_casadi.exceptions.FitError: IPOPT needs 384 MiB of memory")
+    assert (decay.returncode, decay.stderr) == (0, "")
 
 
 def test_a_command_draws_where_the_user_names_a_backend_that_does_not_exist(files):

@@ -17,7 +17,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property, reduce
+from functools import cached_property, partial, reduce
 from itertools import pairwise
 from operator import add
 from typing import Self
@@ -183,6 +183,11 @@ class DecayBlock(Block):
     def with_noise(self, residuals: Sequence[Array], *, robust: bool = False) -> Self:
         """Return the block with the standard deviations of residuals of each decay, in the unit of its sensor."""
         return replace(self, weights=self.weights.improved(residuals, robust=robust), before=self)
+
+    def less_curve(self, values: Mapping[str, float]) -> Self:
+        """Return the block with the bands of what its curves, for values of the unknowns by name, leave of records."""
+        decays = (decay.reduced(len(decay.fitted.time), partial(decay.at, values=values)) for decay in self.decays)
+        return replace(self, decays=tuple(decays), before=None)
 
     @property
     def lengths(self) -> list[list[int]]:

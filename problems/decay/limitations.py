@@ -126,15 +126,15 @@ def _precision_warning(decay: DecayFit) -> str | None:
     return f"the damping ratio {uncertainty}: {advice}"
 
 
-def explained_share(decay: DecayFit) -> float:
+def explained_share(fit: DecayFit) -> float:
     """Return the share of the oscillation from the release on that the law explains; nan for one of several modes.
 
     White noise is no oscillation, nor is a motion slower than half the frequency of the mode.
     """
-    if len(decay.decay.modes) > 1:
+    if len(fit.decay.modes) > 1:
         return math.nan  # several modes explain the record together
-    motion = float(np.var(decay.measured + decay.residuals))
-    unexplained = oscillating_power(decay.time, decay.residuals, decay.frequency / 2)
+    motion = float(np.var(fit.measured + fit.residuals))
+    unexplained = oscillating_power(fit.time, fit.residuals, fit.frequency / 2)
     return motion / (motion + unexplained) if motion else 0.0
 
 

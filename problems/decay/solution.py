@@ -149,21 +149,16 @@ def decay_problem(
 
 def _fitted_decays(solution: FitSolution) -> list[tuple[FreeDecay, slice]]:
     """Return the decays of a solution, and their residuals among all."""
-    (block, fitted), *_ = solution.fitted_blocks
-    assert isinstance(block, DecayBlock)
-    return list(zip(block.decays, block.rows(fitted), strict=True))
+    pairs = [(block, fitted) for block, fitted in solution.fitted_blocks if isinstance(block, DecayBlock)]
+    return [pair for block, fitted in pairs for pair in zip(block.decays, block.rows(fitted), strict=True)]
 
 
 def _solve_less_curve(solution: FitSolution) -> FitSolution:
-    """Solve a problem again, with the band of what the curve of its solution leaves of the records."""
+    """Solve a problem again, with the bands of what the curve of its solution leaves of the records."""
     problem, estimates = solution.problem, solution.fit.estimates
-    decays = tuple(
-        decay.reduced(len(decay.fitted.time), partial(decay.at, values=estimates))
-        for decay, _ in _fitted_decays(solution)
-    )
-    block = replace(problem.blocks[0], decays=decays, before=None)  # type: ignore[call-arg]
+    blocks = (block.less_curve(estimates) if isinstance(block, DecayBlock) else block for block in problem.blocks)
     unknowns = with_guesses(problem.unknowns, estimates)
-    return solve(replace(problem, blocks=(block, *problem.blocks[1:]), unknowns=tuple(unknowns)))
+    return solve(replace(problem, blocks=tuple(blocks), unknowns=tuple(unknowns)))
 
 
 def _growth_warnings(decay: FreeDecay, fit: Fit) -> tuple[str, ...]:

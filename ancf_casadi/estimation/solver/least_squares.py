@@ -167,7 +167,7 @@ def refit_with_noise(fit: Fit, noise: Array) -> Array:
         return fit.model.call([cs.vertcat(*y.symbols(x)) / cs.DM(y.scale)], True, False)[0] - change
 
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", RuntimeWarning)  # IPOPT steps back from a trial that cannot be computed
+        warnings.simplefilter("ignore", RuntimeWarning)  # a trial that cannot be computed shortens the step
         fit_to_noise = least_squares(
             residuals, with_guesses(fit.unknowns, fit.estimates), huber=fit.huber, **fit.settings
         )

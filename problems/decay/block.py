@@ -156,17 +156,17 @@ def sample_counts(decays: Sequence[FreeDecay]) -> list[int]:
 
 @dataclass(frozen=True, eq=False)
 class DecayBlock(Block):
-    """Free decays, with values of the unknowns that are not fitted."""
+    """Free decays, with values of the unknowns that a fit holds."""
 
     decays: tuple[FreeDecay, ...]
-    known: Mapping[str, float] = field(default_factory=dict)
+    held_values: Mapping[str, float] = field(default_factory=dict)
     weights: SeriesWeights = field(kw_only=True)
 
     closed_form = True
-    settled = 0.01
+    settled = 0.01  # (test_a_prior_one_standard_error_away_moves_the_estimates_as_one_more_measurement_would)
 
     @classmethod
-    def of(cls, decays: Sequence[FreeDecay], known: Mapping[str, float] | None = None) -> Self:
+    def of(cls, decays: Sequence[FreeDecay], held_values: Mapping[str, float] | None = None) -> Self:
         """Return decays as a block with the least standard deviations."""
         kinds = list[tuple[str, float]]()  # the noise of fewer samples is smaller
         for decay in decays:
@@ -178,7 +178,7 @@ class DecayBlock(Block):
         floors = np.array([decay.least_deviation for decay in decays])
         lengths = np.array([len(decay.fitted.time) for decay in decays])
         weights = SeriesWeights(lengths, floors, floors, groups, known=(False,) * len(groups))
-        return cls(tuple(decays), known or {}, weights=weights)
+        return cls(tuple(decays), held_values or {}, weights=weights)
 
     def with_noise(self, residuals: Sequence[Array], *, robust: bool = False) -> Self:
         """Return the block with the standard deviations of residuals of each decay, in the unit of its sensor."""
@@ -228,7 +228,7 @@ class DecayBlock(Block):
     def residuals(self, unknowns: Mapping[str, cs.MX]) -> cs.MX:
         """Return the residuals (m,) for unknowns by name, in standard deviations."""
         names = self._misfits.name_in()
-        inputs = [unknowns[name] if name in unknowns else cs.MX(self.known[name]) for name in names]
+        inputs = [unknowns[name] if name in unknowns else cs.MX(self.held_values[name]) for name in names]
         return self._misfits.call(inputs, True, False)[0] * cs.DM(self.factors)  # inlined
 
     def misfits(self, values: Mapping[str, float]) -> list[Array]:
@@ -254,7 +254,7 @@ class DecayBlock(Block):
         for k, (decay, std, rows) in enumerate(deviations):
             unit = fitted.scale / std  # of the residuals of a fit, per that of the sensor
             rms = root_mean_square(fit.residuals[rows]) / unit
-            errors[rows, 4 * k : 4 * k + 4] = unit * decay.rounding_errors({**self.known, **fitted.values}, rms)
+            errors[rows, 4 * k : 4 * k + 4] = unit * decay.rounding_errors({**self.held_values, **fitted.values}, rms)
         fit = allowing_for_errors(fit, errors) if errors.any() else fit
         if not fit.residual_rms > noise_free:
             return fit
@@ -320,13 +320,13 @@ class SmoothnessBlock(Block):
     prior = True
     closed_form = True
     negligible = 0.0
-    settled = 0.1
+    settled = 0.1  # (test_a_smooth_frequency_does_not_swing_between_the_levels)
 
     @classmethod
     def of(cls, terms: SmoothTerms) -> Self:
         """Return the prior of a smooth law with its first standard deviation."""
-        count, first, least = (np.array([value]) for value in (len(terms.names), terms.first, terms.least))
-        return cls(terms, weights=SeriesWeights(count, first, least, groups=((0,),), known=(False,)))
+        count, deviation, floor = (np.array([value]) for value in (len(terms.names), terms.first, terms.least))
+        return cls(terms, weights=SeriesWeights(count, deviation, floor, groups=((0,),), known=(False,)))
 
     @property
     def lengths(self) -> list[list[int]]:

@@ -155,8 +155,10 @@ class ModeSearch:
 def search_modes(record: Measurement, limit: int, offset: bool, release: float | None) -> tuple[ModeSearch, str]:
     """Return up to ``limit`` modes, and the reason if there are fewer."""
     strongest = _fit_strongest(record, offset, release)
-    t, y = strongest.time, record.values[-strongest.samples :]
-    search = ModeSearch(t, y, [strongest], [strongest], [strongest.displacement(t)], *np.zeros((2, len(t))))
+    t = strongest.time
+    search = ModeSearch(
+        t, strongest.measured, [strongest], [strongest], [strongest.displacement(t)], *np.zeros((2, len(t)))
+    )
     refusals, reason = 0, ""
     while len(search.modes) < limit and refusals < MAX_REFUSALS:
         try:

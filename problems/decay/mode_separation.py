@@ -194,7 +194,7 @@ def isolate_mode(record: Measurement, band: tuple[float, float], *, release_time
         raise InputError(f"no mode is within {low:g} to {high:g} Hz; those found are at {frequencies} Hz", "band")
     mode = max(modes_in_band, key=lambda fit: fit.amplitude)
     other_modes = tuple(fit for fit in fits if fit is not mode)
-    values = record.values[-mode.samples :] - np.sum([fit.displacement(mode.time) for fit in other_modes], axis=0)
+    values = mode.measured - np.sum([fit.displacement(mode.time) for fit in other_modes], axis=0)
     # correlation of two modes beyond which there is a warning; the errors are then 5 % too small
     warnings = [
         f"the modes at {mode.frequency:.4g} and {neighbour.frequency:.4g} Hz are close, and the latter is subtracted "

@@ -47,10 +47,10 @@ def predict_decay(fit: Fit, modes: Sequence[DecayMode], residual_rms: float, rec
         law_names = mode.names[: len(mode.model.mode_unknowns(decay.guess))]
         decay_modes.append(DecayMode(mode.model, (*law_names, *(unknown.name for unknown in unknowns))))
         release_unknowns += unknowns
-    block = DecayBlock.of([replace(decay, modes=tuple(decay_modes))], known=fit.estimates)
+    block = DecayBlock.of([replace(decay, modes=tuple(decay_modes))], held_values=fit.estimates)
     release_fit = fitted_once(FitProblem((block,), tuple(release_unknowns), advice="check the record"))
     deviation = float(block.weights.deviations[0])
-    _, sensitivities = replace(block, known=release_fit.estimates).linearised(fit.unknowns, fit.values)
+    _, sensitivities = replace(block, held_values=release_fit.estimates).linearised(fit.unknowns, fit.values)
     basis = np.linalg.qr(release_fit.jacobian)[0]
     jacobian = deviation * sensitivities / fit.scale
     errors = fit.errors_of(jacobian - basis @ (basis.T @ jacobian))

@@ -116,18 +116,18 @@ def decay_problem(
     These are the guesses, the track of amplitude and phase, and the track with ``other_estimates``.  For smooth laws,
     the latter are the fit of simpler laws.  The residuals of the best start give the first standard deviations.
     """
-    largest = max(decays, key=lambda decay: decay.guess.amplitude)
-    unknowns = model.mode_unknowns(largest.guess)
+    largest = int(np.argmax([decay.guess.amplitude for decay in decays]))
+    unknowns = model.mode_unknowns(decays[largest].guess)
     law_names = tuple(unknown.name for unknown in unknowns)
-    track, fitted = starting_values(model, largest), []
-    for k, decay in enumerate(decays, start=1):
-        suffix = f"_{k}" if len(decays) > 1 else ""
+    tracks, fitted = [starting_values(model, decay) for decay in decays], []
+    track = dict(tracks[largest])
+    for k, decay in enumerate(decays):
+        suffix = f"_{k + 1}" if len(decays) > 1 else ""
         release_unknowns = [replace(u, name=u.name + suffix) for u in model.release_unknowns(decay.guess)]
         names = (*law_names, *(unknown.name for unknown in release_unknowns))
         unknowns += release_unknowns
         fitted.append(replace(decay, modes=(DecayMode(model, names),)))
-        if suffix:
-            track |= {name + suffix: value for name, value in starting_values(model, decay).items()}
+        track |= {name + suffix: value for name, value in tracks[k].items()}
     unknowns = with_priors(unknowns, priors, model)
     if model.smooth:
         other_estimates = _simpler_estimates(model, decays)

@@ -28,7 +28,8 @@ The residuals may have an error of their own, such as that of an integration.  I
 moves the minimum, because it is nearly orthogonal to the columns of J.  Then a step also counts as good if the next
 one, by the same J, is less than half as long, whatever the loss (the natural monotonicity test of Deuflhard).  As such
 residuals and their Jacobians are expensive, the steps end earlier, and a step of less than three standard deviations
-leaves J as it is if the loss follows it.  The first J may come from an earlier minimum nearby.
+leaves J as it is if the loss follows it.  The first J may come from an earlier minimum nearby.  Residuals in closed form
+are cheap and exact: their steps may be many, and residuals and J are computed again after the last one.
 
 References
 ----------
@@ -59,7 +60,9 @@ LAST_INACCURATE_STEP = 0.3  # the same where the residuals have an error of thei
 SHORT_STEP = 3.0  # the same, below which the Jacobian is taken to stay as it is
 ROUNDING = 1e-13  # the same, relative to that by unknowns from zero
 MOST_STEPS, MOST_FAILURES = 50, 6  # the latter in a row
-CLOSED_FORM_STEPS, CLOSED_FORM_ROUNDING = 300, 1e-15  # both for residuals in closed form
+# For residuals in closed form (test_a_logarithmic_frequency_that_turns_out_linear_is_fitted,
+# test_the_digits_of_a_record_limit_its_errors).
+CLOSED_FORM_STEPS, CLOSED_FORM_ROUNDING = 300, 1e-15
 LEAST_GAIN, GOOD_GAIN = 1e-3, 0.75  # decrease of the loss over the predicted one
 NEARER = 0.5  # length of a further step after a step, by the same Jacobian, that shows progress to the minimum
 GROWTH, SHRINKAGE = 3.0, 0.25  # of the limit of a step

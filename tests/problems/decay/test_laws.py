@@ -95,6 +95,15 @@ def test_a_linear_law_whose_frequency_turns_out_constant_is_eq_9():
     assert fit.frequency_slope == pytest.approx(0.0, abs=1e-4)
 
 
+def test_a_logarithmic_frequency_that_turns_out_linear_is_fitted():
+    """The corner ends at its bound, to which a curved valley leads."""
+    y = record("linear", "linear", 1e-4)
+    bent, linear = (fit_decay(TIME, y, frequency_law=law, release_time=0.0) for law in ("logarithmic", "linear"))
+    assert bent.at_bound == ("log_corner",)
+    assert bent.residual_rms == pytest.approx(linear.residual_rms, rel=5e-3)
+    assert bent.frequency == pytest.approx(linear.frequency, rel=1e-3)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(("law", "frequency_law"), PAIRS)
 def test_estimates_are_within_their_errors(law, frequency_law):

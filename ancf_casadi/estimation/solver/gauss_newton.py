@@ -28,8 +28,10 @@ The residuals may have an error of their own, such as that of an integration.  I
 moves the minimum, because it is nearly orthogonal to the columns of J.  Then a step also counts as good if the next
 one, by the same J, is less than half as long, whatever the loss (the natural monotonicity test of Deuflhard).  As such
 residuals and their Jacobians are expensive, the steps end earlier, and a step of less than three standard deviations
-leaves J as it is if the loss follows it.  The first J may come from an earlier minimum nearby.  Residuals in closed form
-are cheap and exact: their steps may be many, and residuals and J are computed again after the last one.
+leaves J as it is if the loss follows it.  The first J may come from an earlier minimum nearby.
+
+Residuals in closed form are cheap and exact: their steps may be many, and residuals and J are computed again after the
+last one.
 
 References
 ----------

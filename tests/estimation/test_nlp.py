@@ -13,7 +13,7 @@ import pytest
 from ancf_casadi import Beam, HarmonicBase, Model, RayleighDamping, frequency_response, reduce_model
 from ancf_casadi.estimation.solver import gauss_newton
 from ancf_casadi.estimation.solver.gauss_newton import loss
-from ancf_casadi.estimation.solver.least_squares import least_squares
+from ancf_casadi.estimation.solver.least_squares import TIGHT, least_squares
 from ancf_casadi.estimation.solver.nlp import solve_nlp
 from ancf_casadi.estimation.solver.unknown import Unknown
 from ancf_casadi.exceptions import FitError, InputError
@@ -165,10 +165,16 @@ def test_residuals_that_determine_nothing_are_refused(residuals, unknowns, messa
 
 
 def test_a_fit_that_does_not_converge_says_what_to_try(monkeypatch):
-    monkeypatch.setattr(gauss_newton, "CLOSED_FORM_STEPS", 2)
+    monkeypatch.setattr(gauss_newton, "MOST_STEPS", 2)
+    unknowns = [Unknown("b1", 500.0, 100.0), Unknown("b2", 1e-4, 1e-4)]
     with pytest.raises(FitError, match="2 Gauss-Newton steps do not converge; start closer") as caught:
-        least_squares(misra, [Unknown("b1", 500.0, 100.0), Unknown("b2", 1e-4, 1e-4)])
+        least_squares(misra, unknowns, closed_form=False)
     assert caught.value.stats == {"iter_count": 2}
+    np.testing.assert_allclose(least_squares(misra, unknowns).values, MISRA, rtol=1e-8)  # by IPOPT
+    monkeypatch.setitem(TIGHT, "ipopt.max_iter", 2)
+    with pytest.raises(FitError, match=r"Maximum_Iterations_Exceeded.*raise 'ipopt.max_iter'") as caught:
+        least_squares(misra, unknowns)
+    assert caught.value.stats["iter_count"] == 2
 
 
 def test_a_constrained_problem_reaches_its_published_minimum():

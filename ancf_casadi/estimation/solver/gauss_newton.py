@@ -30,8 +30,7 @@ one, by the same J, is less than half as long, whatever the loss (the natural mo
 residuals and their Jacobians are expensive, the steps end earlier, and a step of less than three standard deviations
 leaves J as it is if the loss follows it.  The first J may come from an earlier minimum nearby.
 
-Residuals in closed form are cheap and exact: their steps may be many, and residuals and J are computed again after the
-last one.
+Residuals in closed form are cheap and exact: they and J are computed again after the last step.
 
 References
 ----------
@@ -62,9 +61,7 @@ LAST_INACCURATE_STEP = 0.3  # the same where the residuals have an error of thei
 SHORT_STEP = 3.0  # the same, below which the Jacobian is taken to stay as it is
 ROUNDING = 1e-13  # the same, relative to that by unknowns from zero
 MOST_STEPS, MOST_FAILURES = 50, 6  # the latter in a row
-# For residuals in closed form (test_a_logarithmic_frequency_that_turns_out_linear_is_fitted,
-# test_the_digits_of_a_record_limit_its_errors).
-CLOSED_FORM_STEPS, CLOSED_FORM_ROUNDING = 300, 1e-15
+CLOSED_FORM_ROUNDING = 1e-15  # for residuals in closed form (test_the_digits_of_a_record_limit_its_errors)
 LEAST_GAIN, GOOD_GAIN = 1e-3, 0.75  # decrease of the loss over the predicted one
 NEARER = 0.5  # length of a further step after a step, by the same Jacobian, that shows progress to the minimum
 GROWTH, SHRINKAGE = 3.0, 0.25  # of the limit of a step
@@ -146,8 +143,8 @@ def minimise(
     """Minimise the loss within bounds by Gauss-Newton steps from z, in units of the scales of the unknowns.
 
     ``evaluate`` returns residuals and Jacobian; ``inaccuracy`` is the norm of the error of the residuals, below which
-    no step needs to be; ``jacobian`` is the first J, that at z if not given.  Residuals in closed form are cheap, and
-    exact to rounding.
+    no step needs to be; ``jacobian`` is the first J, that at z if not given.  Residuals in closed form are exact
+    to rounding.
     """
     small, y = LAST_INACCURATE_STEP if inaccuracy else LAST_STEP, cs.MX.sym("z", len(z))
     values = cs.Function("values", [y], [evaluate.call([y], True, False)[0]])
@@ -173,7 +170,7 @@ def minimise(
             if closed_form:
                 r, jacobian = residuals_and_jacobian(evaluate, last)
             return Minimum(last, r, jacobian, steps + 1, settled=True)
-        if failures == MOST_FAILURES or steps == (CLOSED_FORM_STEPS if closed_form else MOST_STEPS):
+        if failures == MOST_FAILURES or steps == MOST_STEPS:
             return Minimum(z, r, jacobian, steps, settled=False)
         if np.abs(step).max() > reach:
             step = _step(rows, psi / weights, np.maximum(lower - z, -reach), np.minimum(upper - z, reach))

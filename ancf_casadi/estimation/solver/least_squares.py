@@ -1,12 +1,15 @@
-"""Bounded least squares by Gauss-Newton steps, with exact derivatives.
+"""Bounded least squares by Gauss-Newton steps or IPOPT, with exact derivatives.
 
 For n unknowns x with guesses, scales and bounds, and at least as many residuals r(x), the problem in z = x/scale, or
 scale/x for a reciprocal unknown, is
 
-    minimise  1/2 r(S z)' r(S z)    subject to  lower <= S z <= upper,
+    minimise  1/2 r(S z)' r(S z) / w    subject to  lower <= S z <= upper,
 
-with S the diagonal matrix of the scales.  CasADi gives the Jacobian.  ``gauss_newton`` has the steps, and the loss that
-replaces r^2/2 if some residuals are outliers; ``fit`` has the uncertainty of the solution.
+with S the diagonal matrix of the scales, J = dr/dx, and w the largest diagonal entry of S J' J S at the guess, so that
+the tolerance of a solver refers to the unknowns in units of their scales.  ``gauss_newton`` has the steps, and the loss
+that replaces r^2/2 if some residuals are outliers.  Where these steps do not converge, as across the stop of a motion
+under friction, IPOPT solves the problem with the exact Hessian if the residuals are in closed form.  ``fit`` has the
+uncertainty of the solution.
 """
 
 from __future__ import annotations
@@ -14,19 +17,28 @@ from __future__ import annotations
 import math
 import time
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
 
 import casadi as cs
 import numpy as np
 
 from ancf_casadi.estimation.fit import Fit
 from ancf_casadi.estimation.noise.stated import residual_noise
-from ancf_casadi.estimation.solver.gauss_newton import Minimum, influence, minimise, residuals_and_jacobian
+from ancf_casadi.estimation.solver.gauss_newton import Minimum, influence, loss, minimise, residuals_and_jacobian
+from ancf_casadi.estimation.solver.nlp import solve_nlp
 from ancf_casadi.estimation.solver.unknown import Coordinates, Unknown, with_guesses
 from ancf_casadi.exceptions import FitError, InputError
 from ancf_casadi.support.arrays import Array, Mask
 from ancf_casadi.support.tall import tall_triangle
 
+TIGHT: Mapping[str, Any] = {
+    "ipopt.tol": 1e-12,
+    "ipopt.compl_inf_tol": 1e-18,  # an unknown that just touches its bound ends the square root of this from it
+    "ipopt.acceptable_tol": 1e-8,
+    "ipopt.bound_relax_factor": 0.0,
+    "ipopt.max_iter": 300,
+}
 AT_BOUND = 1e-6  # distance, in scales, that an interior-point method leaves between an unknown and its active bound
 
 
@@ -69,8 +81,16 @@ def least_squares(
         jacobian=None if jacobian is None else jacobian * y.scale,
         closed_form=closed_form,
     )
+    if not minimum.settled and closed_form:
+        minimum = _by_ipopt(residuals, evaluate, y, huber, advice)
+    elif not minimum.settled:
+        if not minimum.steps:
+            _largest_weight(minimum.jacobian)  # check
+        raise FitError(
+            f"no minimum was found: {minimum.steps} Gauss-Newton steps do not converge; {advice or 'start closer'}",
+            {"iter_count": minimum.steps},
+        )
     seconds = time.perf_counter() - began
-    _check_minimum(minimum, advice)
     z, r, jacobian = minimum.z, minimum.residuals, minimum.jacobian
     bound_distance = np.maximum(AT_BOUND, _invisible_moves(r, jacobian, systematic))
     at_lower, at_upper = z - lower < bound_distance, upper - z < bound_distance
@@ -110,18 +130,18 @@ def least_squares(
     )
 
 
-def _check_minimum(minimum: Minimum, advice: str) -> None:
-    """Raise a FitError if no step was possible, or if the steps do not converge."""
-    if not minimum.steps:
-        slope = float(np.max(np.abs(minimum.jacobian)))
-        if not (math.isfinite(slope) and slope > 0.0):
-            fault = "zero" if slope == 0.0 else "not finite"
-            raise FitError(f"at the guess the derivatives of the residuals are {fault}; start from another guess")
-    if not minimum.settled:
-        raise FitError(
-            f"no minimum was found: {minimum.steps} Gauss-Newton steps do not converge; {advice or 'start closer'}",
-            {"iter_count": minimum.steps},
-        )
+def _by_ipopt(
+    residuals: Callable[..., cs.MX], evaluate: cs.Function, y: Coordinates, huber: float, advice: str
+) -> Minimum:
+    """Return the minimum by IPOPT."""
+    r, jacobian = residuals_and_jacobian(evaluate, y.guess / y.scale)
+    weight = _largest_weight(jacobian)
+    z = cs.MX.sym("z", len(y.scale))
+    objective = loss(residuals(*y.symbols(cs.vertsplit(cs.DM(y.scale) * z))), huber) / weight
+    bounds = {"lower": y.lower / y.scale, "upper": y.upper / y.scale}
+    options = {**TIGHT, **_near_start(r, weight)}
+    solution = solve_nlp({"x": z, "f": objective}, y.guess / y.scale, **bounds, options=options, advice=advice)
+    return Minimum(solution.x, *residuals_and_jacobian(evaluate, solution.x), solution.iterations, settled=True)
 
 
 def residual_function(residuals: Callable[..., cs.MX], coordinates: Coordinates) -> cs.Function:
@@ -137,6 +157,26 @@ def _invisible_moves(residuals: Array, jacobian: Array, systematic: float) -> Ar
     with np.errstate(divide="ignore", invalid="ignore"):
         # change of the residuals, in standard deviations, by which an unknown at its bound may miss it
         return np.asarray(np.nan_to_num(0.01 * deviation / np.linalg.norm(jacobian, axis=0), posinf=0.0))
+
+
+def _largest_weight(jacobian: Array) -> float:
+    """Return the largest diagonal entry w of J' J, which is finite and positive."""
+    weight = float(np.max(np.sum(jacobian**2, axis=0)))
+    if not (math.isfinite(weight) and weight > 0.0):
+        fault = "zero" if weight == 0.0 else "not finite"
+        raise FitError(f"at the guess the derivatives of the residuals are {fault}; start from another guess")
+    return weight
+
+
+def _near_start(residuals: Array, weight: float) -> dict[str, float]:
+    """Return the initial barrier parameter mu, the mean contribution of a residual to the objective at the guess.
+
+    At a good guess the residuals are small: the default of IPOPT, 0.1, would outweigh them and drive the unknowns away.
+    So would its least distance from a bound; with a unit second derivative, the barrier keeps mu^1/2.
+    """
+    barrier = float(np.clip(np.mean(residuals**2) / (2 * weight), 1e-12, 0.1))  # the tolerance, and IPOPT's default
+    push = min(math.sqrt(barrier), 0.01)  # its default
+    return {"ipopt.mu_init": barrier, "ipopt.bound_push": push, "ipopt.bound_frac": push}
 
 
 def _inverse_root(jacobian: Array) -> tuple[Array, float, Mask]:

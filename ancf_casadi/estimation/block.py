@@ -15,7 +15,7 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
-from typing import Any, Self
+from typing import Any, ClassVar, Self
 
 import casadi as cs
 import numpy as np
@@ -120,6 +120,10 @@ class Block(ABC):
     before: Any = field(default=None, kw_only=True, repr=False)  # version with other weights or less fine; None if none
 
     meaningful = 0.0  # least relative shift of an estimate by the error of the discretisation that has a meaning
+    closed_form = False  # whether the residuals have second derivatives that are cheap
+    prior = False  # whether the residuals are no measurements, but distances from what is known without them
+    settled: ClassVar[float | None] = None  # relative change of its standard deviations that ends their iteration;
+    # None if those that the first fit shows are enough
 
     def __getstate__(self) -> dict[str, Any]:
         """Pickle the measurements without Functions and solutions, which the receiving process computes again."""
@@ -193,6 +197,8 @@ class Block(ABC):
         if self.weights is None or all(self.weights.known):
             return None
         weights = self.weights.improved(self.weights.split(residuals), robust=robust)
+        if self.settled and np.allclose(weights.deviations, self.weights.deviations, rtol=self.settled, atol=0.0):
+            return None
         return replace(self, weights=weights, before=self)
 
     def error(self, values: Mapping[str, float], residuals: Array, small: Callable[[Array], bool]) -> Array:
@@ -231,6 +237,10 @@ class Block(ABC):
         residuals = self.residuals({name: cs.MX(value) for name, value in values.items()})
         with delayed_interrupts():
             return np.asarray(cs.evalf(residuals)).ravel()
+
+    def allowing(self, fitted: Fitted) -> Fit:
+        """Return the fit with a covariance that allows for errors of the measurements that residuals need not show."""
+        return fitted.fit
 
     def unexplained(self, fitted: Fitted) -> list[tuple[str, float]]:
         """Return name and unexplained share of the motion of each record, root mean square; none if unknown."""

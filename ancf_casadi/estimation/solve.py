@@ -12,11 +12,12 @@ The residuals that give better weights are divided by (1 - h)^1/2, with the leve
 residual that the fit absorbs.  A few points that determine many unknowns would otherwise seem too certain.
 
 The steps are: check that the data determine the unknowns (``determination``); fit; fit again with the weights that the
-residuals give; compute the error of each block's discretisation, and the shifts of the estimates that it causes; if one
-is above ``LARGEST_SHIFT`` standard errors, refine the block, and fit again from the estimates.  An error of the
-derivatives shifts the estimates too; its size follows from the change of the Jacobian since the coarser fit.  Once this
-change is small, finer blocks keep the Jacobian, which costs more than the residuals.  Shifts whose size alone is known
-count once in this criterion, and ``DOUBTS`` times in what the fit states.
+residuals give, for some blocks until these settle; compute the error of each block's discretisation, and the shifts of
+the estimates that it causes; if one is above ``LARGEST_SHIFT`` standard errors, refine the block, and fit again from
+the estimates; allow for errors of the measurements that residuals need not show.  An error of the derivatives shifts
+the estimates too; its size follows from the change of the Jacobian since the coarser fit.  Once this change is small,
+finer blocks keep the Jacobian, which costs more than the residuals.  Shifts whose size alone is known count once in
+this criterion, and ``DOUBTS`` times in what the fit states.
 
 The error of the mesh of a beam is computed once, at the estimates, when it is asked for (``FitSolution.mesh_shifts``).
 The residuals r(l) for elements of the length l differ from r(0) by c l^4, so that 16/15 of the way to the estimates for
@@ -52,8 +53,8 @@ LARGEST_SHIFT = 0.1  # typical shift of an estimate by the error of the discreti
 KEPT_TURN = LARGEST_SHIFT / 3  # typical shift by the change of the Jacobian, below which finer blocks keep this one
 DOUBTS = 2.0  # shift of unknown direction that a fit states, over its root mean square
 MOST_REFINEMENTS = 6  # of a block
+MOST_REWEIGHTINGS = 5  # of a block whose weights need to settle
 LEAST_SHARE = 0.01  # least share 1 - h of the noise that a residual may show
-MOST_UNEXPLAINED = 0.5  # share of the mean square of a motion, beyond which a fit is no result
 OPTIMA_APART = 0.05  # relative difference of unknowns that belong to different optima
 MOST_MESH_STEPS = 3  # to the estimates on a finer mesh
 MOST_MESH_REMAINDER = 2.0  # sum of squares that a finer mesh may leave, relative to that of the fit
@@ -67,6 +68,13 @@ class FitProblem:
     blocks: tuple[Block, ...]
     unknowns: tuple[Unknown, ...]  # with their guesses
     robust: bool = False  # use the pseudo-Huber loss
+    most_unexplained: float = 0.5  # share of the mean square of a motion, beyond which a fit is no result
+    advice: str = FIT_ADVICE  # for the error message if there is no solution
+
+    @property
+    def closed_form(self) -> bool:
+        """Whether all residuals are in closed form, and as cheap as exact."""
+        return all(block.closed_form for block in self.blocks)
 
     @property
     def series(self) -> list[int]:
@@ -93,7 +101,8 @@ class FitProblem:
     @property
     def scale(self) -> float:
         """The geometric mean G of the standard deviations."""
-        return math.exp(float(np.dot(self._sizes, np.log([block.scale for block in self.blocks]))) / sum(self._sizes))
+        sizes = [0 if block.prior else size for block, size in zip(self.blocks, self._sizes, strict=True)]
+        return math.exp(float(np.dot(sizes, np.log([block.scale for block in self.blocks]))) / sum(sizes))
 
     def root_mean_square(self, sizes: Sequence[float]) -> float:
         """Return the root mean square of all residuals from that of each block."""
@@ -117,7 +126,8 @@ class FitProblem:
         ``jacobian`` (m, n) is that of the residuals near the guesses, if it is known.
         """
         try:
-            if first and sum(self.series) >= len(self.unknowns):  # fewer residuals are refused below
+            # fewer residuals are refused below, and so are those in closed form that rounding alone makes depend
+            if first and not self.closed_form and sum(self.series) >= len(self.unknowns):
                 self._check_determined()
             return self._minimum(jacobian)
         except FitError as error:
@@ -130,7 +140,7 @@ class FitProblem:
             self.residuals,
             self.unknowns,
             huber=HUBER * scale if self.robust else math.inf,
-            gauss_newton=True,
+            closed_form=self.closed_form,
             series=self.series,
             times=self.times,
             inaccuracy=scale * math.hypot(*(block.inaccuracy for block in self.blocks)),
@@ -138,7 +148,7 @@ class FitProblem:
             stated=np.repeat([*(block.stated for block in self.blocks), True], [*self._sizes, len(self._priors)]),
             deviation=scale,
             jacobian=jacobian,
-            advice=FIT_ADVICE,
+            advice=self.advice,
         )
 
     def _check_determined(self) -> None:
@@ -151,6 +161,11 @@ class FitProblem:
             if accurate.blocks == self.blocks:
                 raise
             accurate._check_determined()
+
+    def has_same_optimum(self, other: FitProblem) -> bool:
+        """Return whether the weights of a problem differ by none, since a common factor of all does not matter."""
+        exact = not any(block.inaccuracy for block in self.blocks)
+        return exact and not self.robust and np.allclose(self.factors, other.factors, rtol=1e-9)
 
     def close(self) -> None:
         """Forget what the blocks no longer need once the fit has ended."""
@@ -235,13 +250,16 @@ def _restore(problem: FitProblem, shifts: Array, fits: Sequence[Fit], mesh_shift
     return solution
 
 
-def solve(problem: FitProblem, starts: Sequence[Mapping[str, float]] = ({},)) -> FitSolution:
-    """Estimate the unknowns of a problem; of several starts, guesses by name, the best optimum counts."""
+def solve(problem: FitProblem, starts: Sequence[Mapping[str, float]] = ({},), *, compare: bool = True) -> FitSolution:
+    """Estimate the unknowns of a problem from starts, guesses by name.
+
+    The best optimum counts; without ``compare``, the first one.
+    """
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RuntimeWarning)  # a trial that cannot be computed shortens the step
         try:
-            problem, fit, other_optima = _reweight(problem, _optima(problem, starts))
-            return _check_result(_refine(problem, fit, other_optima))
+            problem, fit, other_optima = _reweight(problem, _optima(problem, starts, compare=compare))
+            return _check_result(_allow(_refine(problem, fit, other_optima)))
         finally:
             problem.close()
 
@@ -254,17 +272,19 @@ def fitted_once(problem: FitProblem) -> Fit:
         problem.close()
 
 
-def _optima(problem: FitProblem, starts: Sequence[Mapping[str, float]]) -> list[Fit]:
-    """Return the best fit, and others that fit as well."""
+def _optima(problem: FitProblem, starts: Sequence[Mapping[str, float]], *, compare: bool) -> list[Fit]:
+    """Return the best fit, and others that fit as well; without ``compare``, the first one."""
     fits: list[Fit] = []
     failures: list[FitError] = []
     for k, start in enumerate(starts):
         try:
             problem_from_start = replace(problem, unknowns=tuple(with_guesses(problem.unknowns, start)))
             fits.append(problem_from_start.fitted(first=k == 0))
+            if not compare:
+                break
         except FitError as error:
             failures.append(error)
-            if k == 0 and not error.stats:
+            if k == 0 and not error.stats and not problem.closed_form:
                 break  # the data do not determine the unknowns, from wherever the fit starts
     if not fits:
         raise failures[0]
@@ -287,13 +307,20 @@ def _differ(fit: Fit, optimum: Fit) -> bool:
 def _reweight(problem: FitProblem, optima: Sequence[Fit]) -> tuple[FitProblem, Fit, Sequence[Fit]]:
     """Return the problem with the weights that residuals give, its estimates, and its other optima."""
     fit, *other_optima = optima
-    residuals = standardised_residuals(fit) / problem.scale
-    by_block = [residuals[rows] for rows in problem.rows]
-    better = [
-        block.reweighted(of_block, robust=problem.robust)
-        for block, of_block in zip(problem.blocks, by_block, strict=True)
-    ]
-    return (*_fitted_again(problem, better, fit), ()) if any(better) else (problem, fit, other_optima)
+    for iteration in range(MOST_REWEIGHTINGS):
+        residuals = standardised_residuals(fit) / problem.scale
+        better = [
+            None if iteration and block.settled is None else block.reweighted(residuals[rows], robust=problem.robust)
+            for block, rows in zip(problem.blocks, problem.rows, strict=True)
+        ]
+        if not any(better):
+            break
+        reweighted = replace(problem, blocks=_renewed(problem.blocks, better))
+        if reweighted.has_same_optimum(problem):
+            return reweighted, fit, other_optima
+        problem, fit = _fitted_again(problem, better, fit)
+        other_optima = []
+    return problem, fit, other_optima
 
 
 def standardised_residuals(fit: Fit) -> Array:
@@ -344,6 +371,9 @@ def _refine(problem: FitProblem, fit: Fit, other_optima: Sequence[Fit]) -> FitSo
             shift_by = partial(_shifts, problem, fit, block, rows)
             small = partial(_is_small, partial(shift_by, np.zeros(len(fit.names))))
             error = block.error(fit.estimates, fit.residuals[rows] / problem.scale, small)
+            if not (error.any() or block.inaccuracy or block.doubt(error)):
+                finer.append(None)
+                continue
             block_shifts[:] = shift_by(turn, error, doubts=DOUBTS)
             shift = np.max(meaningful(shift_by(turn, error), fit, block.meaningful))
             better = block.refined(float(shift), error)
@@ -364,10 +394,25 @@ def _refine(problem: FitProblem, fit: Fit, other_optima: Sequence[Fit]) -> FitSo
     return FitSolution(problem, fit, shifts, tuple(other_optima))
 
 
+def _renewed(blocks: Sequence[Block], changed: Sequence[Block | None]) -> tuple[Block, ...]:
+    """Return the blocks, with those that have become better or finer in their places."""
+    return tuple(new or old for new, old in zip(changed, blocks, strict=True))
+
+
+def _allow(solution: FitSolution) -> FitSolution:
+    """Return the solution with standard errors that allow for all errors of the measurements."""
+    for k in range(len(solution.problem.blocks)):
+        block, fitted = solution.fitted_blocks[k]
+        solution = replace(solution, fit=block.allowing(fitted))
+    return solution
+
+
 def _check_result(solution: FitSolution) -> FitSolution:
     """Return a solution; raise a FitError if it leaves most of a motion, or has most unknowns at bounds."""
-    unexplained_shares = [share for block, fitted in solution.fitted_blocks for share in block.unexplained(fitted)]
-    unexplained = [f"{name} ({share:.0%})" for name, share in unexplained_shares if share**2 > MOST_UNEXPLAINED]
+    most_unexplained = solution.problem.most_unexplained
+    refusing = solution.fitted_blocks if most_unexplained < 1.0 else []
+    unexplained_shares = [share for block, fitted in refusing for share in block.unexplained(fitted)]
+    unexplained = [f"{name} ({share:.0%})" for name, share in unexplained_shares if share**2 > most_unexplained]
     at_bound = [unknown.report[0] for unknown in solution.fit.unknowns if unknown.name in solution.fit.at_bound]
     count = len(solution.fit.names)
     if unexplained:
@@ -396,7 +441,7 @@ def _fitted_again(
 
     ``keep`` says whether the steps begin with the Jacobian of the fit.
     """
-    blocks = tuple(new or old for new, old in zip(changed, problem.blocks, strict=True))
+    blocks = _renewed(problem.blocks, changed)
     unknowns = tuple(with_guesses(problem.unknowns, fit.estimates))
     before, problem = problem, replace(problem, blocks=blocks, unknowns=unknowns)
     jacobian = fit.jacobian * (problem.factors / before.factors)[:, None] if keep else None

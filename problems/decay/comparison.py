@@ -28,17 +28,17 @@ from ancf_casadi.decay.rest_position import Rest
 from ancf_casadi.estimation.comparison import LawComparison
 from ancf_casadi.estimation.criteria import Expectation, expectation
 from ancf_casadi.estimation.fit import Fit
-from ancf_casadi.estimation.solver.least_squares import least_squares
+from ancf_casadi.estimation.solve import FitProblem, fitted_once
 from ancf_casadi.estimation.solver.unknown import with_guesses
 from ancf_casadi.exceptions import FitError, InputError
 from ancf_casadi.records.measurement import Measurement
-from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.inputs import is_sequence, number, shown
 from ancf_casadi.support.interrupts import lasting_interrupts
+from problems.decay.block import DecayBlock, FreeDecay
 from problems.decay.laws import DECAY_TERMS, RATIO_BOUNDS, DecayModel, Law
 from problems.decay.limitations import refuse_unexplained
 from problems.decay.result import DecayFit
-from problems.decay.solution import after_release, as_record, fit_records
+from problems.decay.solution import as_record, fit_one_mode
 from problems.decay.starting_values import select_frequency_law
 
 LAWS_COMPARED: tuple[Law, ...] = ("linear", "quadratic", "friction", "power")
@@ -100,8 +100,8 @@ def compare_decay_laws(
     record = as_record(time, displacement)
     release = None if release_time is None else number(release_time, "release_time")
     guess = first_guess(record, release_time=release, rest="creep")
-    guesses = {rest: with_rest_position(guess, record, rest) for rest in rests}
-    tracked_law = select_frequency_law(after_release(record, guess.release), guesses[rests[0]], frequency_laws)
+    decays = {rest: FreeDecay.of(record, with_rest_position(guess, record, rest)) for rest in rests}
+    tracked_law = select_frequency_law(decays[rests[0]], frequency_laws)
     best = next(model for model in models if model.frequency_law == tracked_law)
     fits: dict[DecayModel, DecayFit] = {}
     failed: dict[DecayModel, str] = {}
@@ -111,7 +111,7 @@ def compare_decay_laws(
         for model in candidates:
             try:
                 best_fit = comparison.best if comparison else None
-                (fit,) = fit_records([guesses[model.rest]], [record], model, other_fit=best_fit)
+                (fit,) = fit_one_mode([decays[model.rest]], model, other_fit=best_fit)
                 _refuse_creep_within_a_period(fit)
                 fits[model] = fit
             except FitError as error:
@@ -162,16 +162,15 @@ def _other_records(fits: Sequence[DecayFit], truth: int, rival: int) -> dict[str
     pair, best = (fits[truth], fits[rival]), min(fits, key=lambda fit: fit.fit.residual_rms)
     time, noise_growth = np.asarray(pair[0].fit.times), max(best.fit.noise.inflation, 1.0)
     later_times = time + time[-1] + np.median(np.diff(time))
-    x = _scaled_unknowns(pair[0], 1.0)
-    later_amplitude = cs.evalf(pair[0].model.amplitude(later_times[:1], *(x[i] for i in pair[0].indices)))
+    later_amplitude = cs.evalf(pair[0].model.amplitude(later_times[:1], *map(cs.MX, pair[0].fit.values.tolist())))
     amplitude_ratio = float(later_amplitude) / pair[0].fit["e0"]
     records = {"twice the amplitude": (2.0, time), "twice the length": (1.0, np.concatenate([time, later_times])),
                "a later begin": (amplitude_ratio, time)}  # fmt: skip
     expectations = {}
     for name, (size, instants) in records.items():
-        exact = _curve(pair[0], instants, *_scaled_unknowns(pair[0], size))
+        exact = Measurement(instants, pair[0].decay.at(instants, _scaled_estimates(pair[0], size)))
         try:
-            record_fits = [_fit_values(fit, instants, np.asarray(cs.evalf(exact)).ravel(), size) for fit in pair]
+            record_fits = [_fit_exact(fit, exact, size) for fit in pair]
         except FitError:  # then nothing is said of this record
             continue
         terms = [ADDITIVE[fit.law] for fit in pair]
@@ -181,25 +180,16 @@ def _other_records(fits: Sequence[DecayFit], truth: int, rival: int) -> dict[str
     return expectations
 
 
-def _scaled_unknowns(fit: DecayFit, size: float) -> list[cs.MX]:
-    """Return the unknowns of a decay with another amplitude, relative to the fitted one."""
-    return [cs.MX(value * (size if name == "e0" else 1.0)) for name, value in fit.fit.estimates.items()]
+def _scaled_estimates(fit: DecayFit, size: float) -> dict[str, float]:
+    """Return the estimates of a decay with another amplitude, relative to the fitted one."""
+    return fit.fit.estimates | {"e0": size * fit.fit["e0"]}
 
 
-def _curve(fit: DecayFit, time: Array, *x: cs.MX) -> cs.MX:
-    return fit.model.curve(time, *(x[i] for i in fit.indices))
-
-
-def _fit_values(fit: DecayFit, time: Array, values: Array, size: float) -> Fit:
-    """Return the fit of the laws of a fit to a decay with another amplitude, relative to the fitted one."""
-    start = fit.fit.estimates | {"e0": size * fit.fit["e0"]}
-    return least_squares(
-        lambda *x: _curve(fit, time, *x) - cs.DM(values),
-        with_guesses(fit.fit.unknowns, start),
-        series=[len(time)],
-        times=time,
-        advice="name the laws",
-    )
+def _fit_exact(fit: DecayFit, exact: Measurement, size: float) -> Fit:
+    """Return the fit of the laws of a fit to an exact decay with another amplitude, relative to the fitted one."""
+    unknowns = with_guesses(fit.fit.unknowns, _scaled_estimates(fit, size))
+    block = DecayBlock.of([replace(fit.decay, record=exact, fitted=exact)])
+    return fitted_once(FitProblem((block,), tuple(unknowns), advice="name the laws"))
 
 
 def _next_candidates(

@@ -33,11 +33,12 @@ from ancf_casadi.exceptions import InputError
 from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.support.inputs import check_instance, choice, flag, instances, number, numbers
 from ancf_casadi.support.interrupts import lasting_interrupts
+from problems.decay.block import FreeDecay
 from problems.decay.comparison import compare_decay_laws, comparison_arguments
 from problems.decay.laws import RATIO_BOUNDS, DecayModel, Law
 from problems.decay.limitations import refuse_unexplained
 from problems.decay.result import DecayFit
-from problems.decay.solution import as_record, fit_record, fit_records
+from problems.decay.solution import as_record, fit_one_mode, fit_record
 from problems.decay.takes import DecayFits
 
 
@@ -123,8 +124,8 @@ def fit_decay(
             release_time=release_time,
             ratio_bounds=ratio_bounds,
         )
-        choice_warning = () if comparison.verdict.settled else comparison.verdict.warnings[:1]
-        return replace(comparison.best, notes=(*comparison.best.notes, *choice_warning))
+        best, choice_warning = comparison.best, () if comparison.verdict.settled else comparison.verdict.warnings[:1]
+        return replace(best, decay=replace(best.decay, notes=(*best.notes, *choice_warning)))
     model = DecayModel(law, rest or "constant", frequency_law or "constant", ratio_bounds)  # type: ignore[arg-type]
     release = None if release_time is None else number(release_time, "release_time")
     fit = fit_record(record, model, release_time=release, robust=robust, priors=dict(priors or {}))
@@ -189,12 +190,12 @@ def fit_decays(
     releases = [None] * len(records) if release_times is None else numbers(release_times, "release_times")
     if len(releases) != len(records):
         raise InputError(f"has {len(releases)} values for {len(records)} records", "release_times")
-    guesses = [
-        first_guess(record, release_time=release, rest=rest) for record, release in zip(records, releases, strict=True)
+    decays = [
+        FreeDecay.of(record, first_guess(record, release_time=release, rest=rest))
+        for record, release in zip(records, releases, strict=True)
     ]
-    joint_fits = fit_records(guesses, records, model, robust)
-    pairs = zip(guesses, records, strict=True) if len(records) > 1 else ()
-    single_fits = [fit_records([guess], [record], model, robust)[0] for guess, record in pairs]
+    joint_fits = fit_one_mode(decays, model, robust=robust)
+    single_fits = [fit_one_mode([decay], model, robust=robust)[0] for decay in decays] if len(decays) > 1 else []
     for fit, record in zip(single_fits or joint_fits, records, strict=True):
         refuse_unexplained(fit, record)
     settings: dict[str, Any] = {"law": law, "frequency_law": frequency_law, "rest": rest}

@@ -150,8 +150,7 @@ def amplitude_table(fit: DecayFit) -> Table:
 
 def _measured_curve(fit: DecayFit) -> DampingCurve | None:
     """Return the windows of a fitted record; None if it is too short, or hidden by noise."""
-    measured = fit.displacement(fit.time) - fit.residuals
-    record = Measurement(fit.time, measured, sensor=fit.model.sensor)
+    record = Measurement(fit.time, fit.measured, sensor=fit.model.sensor)
     try:
         return damping_curve(record, release_time=fit.release_time)
     except InputError:
@@ -163,11 +162,10 @@ def decay_fit_figure(fits: Mapping[str, DecayFit]) -> Figure:
     from ancf_casadi.figures.decays import decay_figure  # matplotlib is slow to import
 
     (fit,) = fits.values()
-    measured = fit.displacement(fit.time) - fit.residuals
     values = f"{fit.law} damping, {_value(fit, 'frequency', 1.0, 'Hz')}, {_value(fit, 'damping_ratio', 100.0, '%')}"
     return decay_figure(
         fit.time,
-        measured,
+        fit.measured,
         fit.displacement,
         unit=fit.model.sensor.unit,
         values=values,
@@ -201,7 +199,7 @@ def modes_figure(fits: Mapping[str, DecayModes]) -> Figure:
         for fit, factor in zip(modes, speed, strict=True)
     }  # fmt: skip
     frequencies = [fit.frequency for fit in modes]
-    return decay_modes_figure(time, fitted - first.residuals, fitted, first.model.sensor.unit, amplitudes, frequencies)
+    return decay_modes_figure(time, first.measured, fitted, first.model.sensor.unit, amplitudes, frequencies)
 
 
 def _value(fit: DecayFit, name: str, scale: float, unit: str) -> str:

@@ -19,7 +19,6 @@ G. C. Chow, Tests of equality between sets of coefficients in two linear regress
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -31,12 +30,12 @@ from ancf_casadi.decay.rest_position import REST_TERMS
 from ancf_casadi.decay.smooth import SMOOTH_DAMPING, SMOOTH_FREQUENCY
 from ancf_casadi.decay.spectrum import oscillating_power, peak_frequencies
 from ancf_casadi.estimation.agreement import DISAGREE, subset_estimates
-from ancf_casadi.estimation.fit import Fit, colour_warning
+from ancf_casadi.estimation.fit import colour_warning
 from ancf_casadi.exceptions import FitError, InputError
 from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.records.processing import resolution
-from ancf_casadi.support.arrays import Mask
 from ancf_casadi.support.tables import with_error
+from problems.decay.block import NOISE_FREE, late_residuals
 
 if TYPE_CHECKING:
     from problems.decay.result import DecayFit
@@ -48,11 +47,9 @@ MAX_UNEXPLAINED_BEFORE = 0.15  # unexplained share of the motion before the deca
 SMALL_UNEXPLAINED = 0.003  # unexplained share of the decay, beyond which a third of the share before is allowed
 DETECTED_REASONS = ("the first sample", "the end of")  # reasons for a release that the record shows
 GROWS = "the oscillation grows"
-NOISE_FREE = 1e-6  # residual relative to the amplitude, below which there is no noise
 FEW_PERIODS = 5  # of free decay, below which there is a warning
 MAX_ORDER, ORDER_TOLERANCE = 5, 0.05  # highest harmonic that is named, and distance of its order from a whole number
 IMPRECISE = 0.1  # relative standard error of the damping ratio beyond which there is a warning
-DAMPING = ("zeta", "eta1", "eta2", "eta0")  # unknowns whose information divides the record, the first that is free
 POORLY_DETERMINED = (
     "e0",
     "phase",
@@ -129,15 +126,15 @@ def _precision_warning(decay: DecayFit) -> str | None:
     return f"the damping ratio {uncertainty}: {advice}"
 
 
-def explained_share(decay: DecayFit) -> float:
+def explained_share(fit: DecayFit) -> float:
     """Return the share of the oscillation from the release on that the law explains; nan for one of several modes.
 
     White noise is no oscillation, nor is a motion slower than half the frequency of the mode.
     """
-    if len(decay.fit.residuals) == decay.rows.stop and len(decay.indices) < len(decay.fit.names):
+    if len(fit.decay.modes) > 1:
         return math.nan  # several modes explain the record together
-    motion = float(np.var(decay.displacement(decay.time)))
-    unexplained = oscillating_power(decay.time, decay.residuals, decay.frequency / 2)
+    motion = float(np.var(fit.measured + fit.residuals))
+    unexplained = oscillating_power(fit.time, fit.residuals, fit.frequency / 2)
     return motion / (motion + unexplained) if motion else 0.0
 
 
@@ -180,7 +177,7 @@ def _is_random(decay: DecayFit, record: Measurement) -> bool:
     if share > MAX_UNEXPLAINED and free > min(MAX_UNEXPLAINED, share / 3):  # another law or mode would explain more
         return True
     forced, unforced = unexplained_before(record.time[:-length], record.values[:-length], ω, decay.damping_ratio * ω)
-    decay_power = float(np.var(decay.displacement(decay.time)))
+    decay_power = float(np.var(decay.measured + decay.residuals))
     before, after = len(record.time) - length, length
     after_rest = decay.release_reason == "the end of rest"
     allowed = MAX_UNEXPLAINED_BEFORE if free <= SMALL_UNEXPLAINED else MAX_UNEXPLAINED_BEFORE / 3
@@ -258,14 +255,3 @@ def _law_change_warning(decay: DecayFit) -> str | None:
         f"the law does not hold over the record: {name} is {before} up to {split:.4g} s, and {after} "
         "later; compare laws, or show damping and frequency against amplitude"
     )
-
-
-def late_residuals(fit: Fit, decays: Sequence[slice], share: float) -> Mask:
-    """Return a mask of the residuals of each record after a share of its information on the damping."""
-    mask = np.zeros(len(fit.residuals), dtype=bool)
-    damping_unknowns = (k for prefix in DAMPING for k, name in enumerate(fit.names) if name.startswith(prefix))
-    column = next((k for k in damping_unknowns if not fit.active_bounds[k]), 0)
-    for rows in decays:
-        information = np.cumsum(fit.jacobian[rows, column] ** 2)
-        mask[rows] = information >= share * information[-1]
-    return mask

@@ -44,7 +44,7 @@ from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.support.arrays import Array
 from problems.decay.laws import DecayModel
 from problems.decay.result import DecayFit
-from problems.decay.solution import decay_curve, fit_jointly, fit_record
+from problems.decay.solution import fit_record, fit_several_modes
 
 MOVING_LAWS: tuple[FrequencyLaw, ...] = ("logarithmic", "power")
 HARMONICS = (2, 3, 4, 5)
@@ -91,7 +91,7 @@ class ModeSearch:
         if not (is_close or orders or mode_is_visible(mode)):  # alone: no misfit of a mode shapes the rest there
             return self._subtract_noise(mode)
         try:
-            joint = fit_jointly([*self.shapes, mode], t, self.values - self.other - sum(self.harmonics.values()))
+            joint = fit_several_modes([*self.shapes, mode], t, self.values - self.other - sum(self.harmonics.values()))
         except FitError:
             joint = None
         if joint is not None and not mode_is_visible(joint[-1]):
@@ -155,8 +155,10 @@ class ModeSearch:
 def search_modes(record: Measurement, limit: int, offset: bool, release: float | None) -> tuple[ModeSearch, str]:
     """Return up to ``limit`` modes, and the reason if there are fewer."""
     strongest = _fit_strongest(record, offset, release)
-    t, y = strongest.time, record.values[-strongest.samples :]
-    search = ModeSearch(t, y, [strongest], [strongest], [strongest.displacement(t)], *np.zeros((2, len(t))))
+    t = strongest.time
+    search = ModeSearch(
+        t, strongest.measured, [strongest], [strongest], [strongest.displacement(t)], *np.zeros((2, len(t)))
+    )
     refusals, reason = 0, ""
     while len(search.modes) < limit and refusals < MAX_REFUSALS:
         try:
@@ -204,7 +206,7 @@ def fit_moving_mode(first: DecayFit, second: DecayFit, t: Array, y: Array) -> De
     if one_mode is None:
         return None
     try:
-        two_modes, _ = fit_jointly([first, second], t, y)
+        two_modes, _ = fit_several_modes([first, second], t, y)
     except FitError:
         return one_mode
     one_mode_misfit, two_mode_misfit = (float(fit.residuals @ fit.residuals) for fit in (one_mode, two_modes))
@@ -251,13 +253,11 @@ def fit_harmonic(mode: DecayFit, order: int, t: Array, residuals: Array) -> Arra
     """Return the curve of a harmonic of a mode that fits the residuals best."""
     f = np.fft.fftfreq(len(t), (t[-1] - t[0]) / (len(t) - 1)) / mode.frequency
     correction = np.fft.ifft(2 * np.fft.fft(residuals) * ((f > 0.5) & (f < 1.5)))
-    values = [mode.fit.values[i] for i in mode.indices]
-    phase_index = [mode.fit.names[i] for i in mode.indices].index("phase")
-    phase_unknown = np.arange(len(values)) == phase_index
-    z = sum(
-        weight * (decay_curve(mode.model, values - shift * phase_unknown)(t - t[0]) - mode.offset)
-        for weight, shift in ((1, 0.0), (1j, np.pi / 2))
+    values = mode.fit.estimates
+    z, quarter_behind = (
+        mode.decay.at(t - t[0], values | {"phase": values["phase"] - shift}) - mode.offset for shift in (0.0, np.pi / 2)
     )
+    z = z + 1j * quarter_behind
     curves = []
     for z_estimate in (z, z + correction):
         power = (z_estimate / mode.amplitude) ** order

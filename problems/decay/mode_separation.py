@@ -36,7 +36,7 @@ from ancf_casadi.support.tables import Displayed
 from problems.decay.limitations import residual_oscillation
 from problems.decay.mode_search import ModeSearch, decay_rate, is_lasting, search_modes
 from problems.decay.result import DecayFit
-from problems.decay.solution import as_record, fit_jointly
+from problems.decay.solution import as_record, fit_several_modes
 from problems.decay.takes import DecayModes
 
 MAX_DECAY_MODES = 6  # fitted at once if no number is given
@@ -194,7 +194,7 @@ def isolate_mode(record: Measurement, band: tuple[float, float], *, release_time
         raise InputError(f"no mode is within {low:g} to {high:g} Hz; those found are at {frequencies} Hz", "band")
     mode = max(modes_in_band, key=lambda fit: fit.amplitude)
     other_modes = tuple(fit for fit in fits if fit is not mode)
-    values = record.values[-mode.samples :] - np.sum([fit.displacement(mode.time) for fit in other_modes], axis=0)
+    values = mode.measured - np.sum([fit.displacement(mode.time) for fit in other_modes], axis=0)
     # correlation of two modes beyond which there is a warning; the errors are then 5 % too small
     warnings = [
         f"the modes at {mode.frequency:.4g} and {neighbour.frequency:.4g} Hz are close, and the latter is subtracted "
@@ -214,11 +214,10 @@ def _fit_all_modes(search: ModeSearch, notes: Sequence[str], settings: Mapping[s
         fits = [
             replace(
                 fit,
-                release_reason=strongest.release_reason,
-                notes=tuple(notes),
+                decay=replace(fit.decay, guess=strongest.decay.guess, notes=tuple(notes)),
                 again=partial(_refit_mode, frequency=mode.frequency, **settings),
             )
-            for mode, fit in zip(modes, fit_jointly(modes, search.time, search.values), strict=True)
+            for mode, fit in zip(modes, fit_several_modes(modes, search.time, search.values), strict=True)
         ]
         lasting_modes = [mode for mode, fit in zip(modes, fits, strict=True) if mode is strongest or is_lasting(fit)]
         if len(lasting_modes) == len(modes):

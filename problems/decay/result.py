@@ -28,6 +28,7 @@ from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.support.arrays import Array, root_mean_square
 from ancf_casadi.support.inputs import array
 from ancf_casadi.support.tables import finite_or_none, to_width
+from problems.decay.block import FreeDecay
 from problems.decay.laws import DECAY_QUANTITIES, DecayModel, Law
 from problems.decay.limitations import explained_share, limitations
 from problems.decay.prediction import predict_decay
@@ -46,21 +47,12 @@ class DecayFit(LeastSquaresResult):
 
     Parameters
     ----------
-    model : DecayModel
-        Fitted curve.
-    indices : tuple of int
-        Positions in ``fit`` of the unknowns of the curve; not all if several records or modes were fitted at once.
+    decay : FreeDecay
+        The record from its release on, the samples of it that were fitted, and its modes.
     rows : slice
-        Samples of the record that were fitted, among those of all records in ``fit``: fewer than all if the record has
-        far more than its mode needs.
-    time : ndarray
-        Times of the samples from the release on (m,), s.
-    residuals : ndarray
-        Fitted less measured values at these times (m,), in the unit of the sensor.
-    release_reason : str
-        Reason for the start of the decay: the first sample, the end of rest, the end of an excitation, or given.
-    notes : tuple of str
-        Limitations of the record.
+        These samples among those of all records in ``fit``.
+    mode : int
+        Position of the mode among those of the decay.
 
     Examples
     --------
@@ -86,13 +78,9 @@ class DecayFit(LeastSquaresResult):
     kind = "decay"
     _drawing = "problems.decay.law_curve.decay_fit_figure"
 
-    model: DecayModel
-    indices: tuple[int, ...]
+    decay: FreeDecay
     rows: slice
-    time: Array
-    residuals: Array
-    release_reason: str
-    notes: tuple[str, ...] = ()
+    mode: int = 0
 
     frequency = _quantity(
         "frequency",
@@ -139,11 +127,10 @@ class DecayFit(LeastSquaresResult):
 
     def at_amplitude(self, amplitude: float) -> tuple[dict[str, float], dict[str, float]]:
         """Return the quantities by name as after a release from an amplitude, and their standard errors."""
-        release = next(k for k, i in enumerate(self.indices) if self.fit.names[i].startswith("e0"))
 
         def quantities(*x: cs.MX) -> cs.MX:
-            values = [x[i] for i in self.indices]
-            return self.model.quantities(*values[:release], cs.MX(amplitude), *values[release + 1 :])
+            values = [cs.MX(amplitude) if self.fit.names[k].startswith("e0") else x[k] for k in self.indices]
+            return self.model.quantities(*values)
 
         values, errors = self.fit.derived(quantities)
         names = tuple(DECAY_QUANTITIES)
@@ -158,6 +145,41 @@ class DecayFit(LeastSquaresResult):
         return np.clip(derived_intervals(self.fit, self.quantities[2], level), lower, upper)
 
     @property
+    def model(self) -> DecayModel:
+        """Fitted curve."""
+        return self.decay.modes[self.mode].model
+
+    @cached_property
+    def indices(self) -> tuple[int, ...]:
+        """Positions of the unknowns of the curve in ``fit``, which may have those of other records or modes."""
+        return tuple(self.fit.names.index(name) for name in self.decay.modes[self.mode].names)
+
+    @property
+    def time(self) -> Array:
+        """Times of the samples from the release on (m,), s."""
+        return self.decay.time
+
+    @property
+    def measured(self) -> Array:
+        """Values of the record from the release on (m,), in the unit of the sensor."""
+        return self.decay.record.values
+
+    @cached_property
+    def residuals(self) -> Array:
+        """Fitted less measured values at these times (m,), in the unit of the sensor."""
+        return self.decay.at(self.decay.record.time, self.fit.estimates) - self.measured
+
+    @property
+    def release_reason(self) -> str:
+        """Reason for the start of the decay: the first sample, the end of rest, the end of an excitation, or given."""
+        return self.decay.reason
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """Limitations of the record."""
+        return self.decay.notes
+
+    @property
     def law(self) -> Law:
         """Fitted damping law."""
         return self.model.law
@@ -170,17 +192,17 @@ class DecayFit(LeastSquaresResult):
     @property
     def release_time(self) -> float:
         """Start of the decay in the times of the record, s."""
-        return float(self.time[0])
+        return self.decay.release_time
 
     @property
     def samples(self) -> int:
         """Number of samples from the release on."""
-        return len(self.residuals)
+        return len(self.time)
 
     @property
     def fitted_samples(self) -> int:
         """Number of samples that the fit used."""
-        return int(self.rows.stop - self.rows.start)
+        return len(self.decay.fitted.time)
 
     @property
     def fitted_band(self) -> str:
@@ -192,12 +214,6 @@ class DecayFit(LeastSquaresResult):
             f"fitted as {self.fitted_samples} samples at {rate:.4g} Hz: the frequencies up to {rate / 2:.4g} Hz of the "
             "record, without a loss for what was fitted"
         )
-
-    @cached_property
-    def measured(self) -> Array:
-        """Values of the record from the release on (m,), in the unit of the sensor; not of one of several modes."""
-        step = 10.0 ** (math.floor(math.log10(np.abs(self.residuals).max() or 1.0)) - 9)  # far below any resolution
-        return np.asarray(np.round((self.displacement(self.time) - self.residuals) / step) * step)
 
     @cached_property
     def explained_share(self) -> float:
@@ -243,8 +259,7 @@ class DecayFit(LeastSquaresResult):
     def displacement(self, time: ArrayLike) -> Array:
         """Return the fitted record, in the unit of its sensor, at times (s) of the record, from the release on."""
         t = array(time, "time").ravel() - self.release_time
-        curve = self.model.curve(t, *(cs.MX(self.fit.values[i]) for i in self.indices))
-        return np.asarray(cs.evalf(curve)).ravel()
+        return self.decay.modes[self.mode].at(t, self.fit.estimates)
 
     def predict(self, record: Measurement) -> RecordPrediction:
         """Compute another decay of the same mode with its estimates, and compare.
@@ -270,7 +285,7 @@ class DecayFit(LeastSquaresResult):
         >>> [f"{1e3 * error:.1f} mm" for error in prediction.rms_errors.values()]
         ['0.1 mm']
         """
-        return predict_decay(self.fit, [(self.model, self.indices)], self.residual_rms, record)
+        return predict_decay(self.fit, self.decay.modes[self.mode : self.mode + 1], self.residual_rms, record)
 
     @property
     def title(self) -> str:

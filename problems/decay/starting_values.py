@@ -27,10 +27,8 @@ from ancf_casadi.decay.amplitude_phase import (
     weighted_least_squares,
 )
 from ancf_casadi.decay.bic import larger_model_is_evident
-from ancf_casadi.decay.first_guess import DecayGuess
 from ancf_casadi.decay.phase import FrequencyLaw
-from ancf_casadi.records.measurement import Measurement
-from ancf_casadi.support.arrays import Array
+from problems.decay.block import FreeDecay
 from problems.decay.laws import DECAY_TERMS, EXPONENTS, DecayModel
 
 NONLINEAR_STARTS: Mapping[
@@ -46,17 +44,10 @@ MIN_SPAN = 3.0  # of amplitudes: at 1, the steps of a smooth frequency would coi
 MIN_VISIBLE = 0.5
 
 
-def guess_of_displacement(guess: DecayGuess, derivatives: int) -> DecayGuess:
-    """Return the guess of the motion from that of its velocity or acceleration, with the rest position as measured."""
-    amplitude, phase = guess.amplitude / guess.ω**derivatives, guess.phase - derivatives * math.pi / 2
-    return replace(guess, amplitude=amplitude, phase=phase)
-
-
-def starting_values(model: DecayModel, decay: Measurement, guess: DecayGuess) -> dict[str, float]:
-    """Return values of unknowns by name from a record after the release; none if its track is too short."""
-    time = decay.time
+def starting_values(model: DecayModel, decay: FreeDecay) -> dict[str, float]:
+    """Return values of unknowns by name from a decay; none if its track is too short."""
     derivatives = model.sensor.derivatives  # each multiplies the amplitude by about omega and turns the phase
-    track = _track(time, decay.values, guess, guess.ω**derivatives)
+    track = _track(decay, decay.guess.ω**derivatives)
     if len(track.time) < 6:  # twice the unknowns of a regression
         return {}
     ω, frequency_terms, φ = _fit_frequency(track, model)
@@ -67,9 +58,9 @@ def starting_values(model: DecayModel, decay: Measurement, guess: DecayGuess) ->
     return {"omega": ω, **damping, **frequency_terms, "e0": e0, "phase": math.remainder(φ, 2 * math.pi)}
 
 
-def select_frequency_law(decay: Measurement, guess: DecayGuess, laws: Sequence[FrequencyLaw]) -> FrequencyLaw:
+def select_frequency_law(decay: FreeDecay, laws: Sequence[FrequencyLaw]) -> FrequencyLaw:
     """Return the frequency law that the track of a decay shows; the first if it is too short, or shows none."""
-    track = _track(decay.time, decay.values, guess)
+    track = _track(decay)
     if len(track.time) < 6:  # as above
         return laws[0]
     A = track.amplitude
@@ -78,24 +69,26 @@ def select_frequency_law(decay: Measurement, guess: DecayGuess, laws: Sequence[F
     return laws[best] if larger_model_is_evident(misfits[0], misfits[best], len(A), 2, float(A @ A)) else laws[0]
 
 
-def amplitude_span(decays: Sequence[Measurement], guesses: Sequence[DecayGuess]) -> float:
+def amplitude_span(decays: Sequence[FreeDecay]) -> float:
     """Return the largest amplitude of decays over the smallest that matters: half of the smallest visible one.
 
     Windows that noise hides one by one still contribute together; a decay may end before it reaches that amplitude.
     """
     largest, smallest = 0.0, math.inf
-    for decay, guess in zip(decays, guesses, strict=True):
-        track = _track(decay.time, decay.values, guess)
+    for decay in decays:
+        track = _track(decay)
         if len(track.time):
-            faded = math.exp(-max(guess.ζ * guess.ω * (decay.time[-1] - track.time[-1]), 0.0))
+            hidden = max(decay.fitted.time[-1] - track.time[-1], 0.0)  # by noise, s
+            faded = math.exp(-decay.guess.ζ * decay.guess.ω * hidden)
             largest = max(largest, float(track.amplitude.max()))
             smallest = min(smallest, max(MIN_VISIBLE, faded) * float(track.amplitude.min()))
     return max(largest / smallest, MIN_SPAN)
 
 
-def _track(time: Array, values: Array, guess: DecayGuess, unit: float = 1.0) -> Track:
+def _track(decay: FreeDecay, unit: float = 1.0) -> Track:
     """Return the oscillation of a decay about its rest position, divided by a unit of the amplitude."""
-    oscillation = (values - guess.equilibrium(time)) / unit
+    time, guess = decay.fitted.time, decay.guess
+    oscillation = (decay.fitted.values - guess.equilibrium(time)) / unit
     return track_oscillation(time, oscillation, guess.ω * math.sqrt(1 - guess.ζ**2))
 
 

@@ -236,8 +236,7 @@ class DecayModes(DecayFits):
 
     def predict(self, record: Measurement) -> RecordPrediction:
         """Compute another decay with the estimates of all modes, as ``DecayFit.predict``."""
-        modes = [(mode.model, mode.indices) for mode in self.fits]
-        return predict_decay(self.fit, modes, self.fits[0].residual_rms, record)
+        return predict_decay(self.fit, self.fits[0].decay.modes, self.fits[0].residual_rms, record)
 
     @property
     def title(self) -> str:

@@ -84,7 +84,7 @@ def refine(start: TrialFit) -> tuple[TrialFit, Fit]:
     k, count = start.values.shape
     residuals = callback_function(Differentiable(project_residuals, 2 * k * count, len(unknowns)), "projected")
     settings: dict[str, Any] = {
-        "gauss_newton": True,
+        "closed_form": False,
         "series": [k] * (2 * count),
         "times": np.tile(start.model.frequencies, 2 * count),
         "advice": FRF_ADVICE,

@@ -205,7 +205,6 @@ def fit_rayleigh(
     fit = least_squares(
         lambda α, β: (rayleigh_ratio(f, α, β) - ζ) / σ,
         [Unknown("alpha", α_0, α_0, lower=0.0, unit="1/s"), Unknown("beta", β_0, β_0, lower=0.0, unit="s")],
-        gauss_newton=True,
         stated=None if deviations is None else np.ones(len(f), dtype=bool),
     )
     if deviations is not None:  # they are known, whatever the scatter

@@ -16,7 +16,6 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import partial
-from itertools import pairwise
 from types import NoneType
 from typing import Any, get_args
 
@@ -27,37 +26,20 @@ from ancf_casadi.decay.phase import FrequencyLaw
 from ancf_casadi.decay.rest_position import Rest
 from ancf_casadi.decay.smooth import AMPLITUDE_SPAN
 from ancf_casadi.estimation.block import Block
-from ancf_casadi.estimation.solve import FitProblem, FitSolution, solve
+from ancf_casadi.estimation.solve import FitProblem, solve
 from ancf_casadi.estimation.solver.unknown import Priors, Unknown, with_guesses
 from ancf_casadi.exceptions import FitError, InputError, NumericsError
 from ancf_casadi.records.measurement import Measurement
-from ancf_casadi.support.arrays import Array, root_mean_square
+from ancf_casadi.support.arrays import root_mean_square
 from ancf_casadi.support.inputs import check_instance, choice, flag, is_sequence, numbers, physical, shown
 from ancf_casadi.support.progress import counter
 from problems.beam.curves.checks import level_notes, orient, phase_locked
 from problems.beam.curves.record import ResponseRecord
+from problems.decay.block import DecayBlock, DecayMode, SmoothnessBlock
 from problems.decay.laws import RATIO_BOUNDS, DecayModel, Law, with_priors
 from problems.decay.result import DecayFit
-from problems.decay.solution import (
-    MAX_ITERATIONS,
-    allow_for_late_residuals,
-    allow_for_rounding,
-    as_record,
-    fit_record,
-    has_converged,
-    without_smoothness_test,
-)
-from problems.mode.decays import (
-    DecayBlock,
-    ModeCurveBlock,
-    SmoothnessBlock,
-    constant_unit,
-    decay_block,
-    mode_curve_block,
-    mode_decay,
-    release_unknowns,
-    smoothness_block,
-)
+from problems.decay.solution import as_record, fit_record
+from problems.mode.curve_block import ModeCurveBlock, constant_unit, mode_curve_block
 from problems.mode.oscillator import (
     LEAST_RATIO,
     Points,
@@ -165,7 +147,7 @@ def fit_mode(
     problem = replace(problem, unknowns=tuple(with_priors(problem.unknowns, priors or {}, requested)))
     try:
         with counter("fit", shown=flag(progress, "progress")):
-            solution = _with_noise_of_decays(_solve_smoothness(solve(problem, starts)))
+            solution = solve(problem, starts)
     except FitError as error:
         raise FitError("; ".join([*notes, str(error)]), error.stats) from None
     amplitudes = np.concatenate([*(fit.amplitude_range for fit in separate_fits), *map(motion_amplitudes, curves)])
@@ -239,12 +221,16 @@ def _mode_problem(
     ]
     blocks = list[Block]()
     if separate_fits:
-        mode_decays = [
-            mode_decay(k, decay, fit, replace(fit.model, reference=reference, span=span), law_names)
-            for k, (decay, fit) in enumerate(zip(decays, separate_fits, strict=True), start=1)
-        ]
-        blocks.append(decay_block(mode_decays))
-        unknowns += [unknown for decay in mode_decays for unknown in release_unknowns(decay, law_names)]
+        fitted_decays = []
+        for k, fit in enumerate(separate_fits, start=1):
+            curve_names = tuple(name if name in law_names else f"{name}_{k}" for name in fit.fit.names)
+            mode = DecayMode(replace(fit.model, reference=reference, span=span), curve_names)
+            fitted_decays.append(replace(fit.decay, modes=(mode,)))
+            release_unknowns = [unknown for unknown in fit.fit.unknowns if unknown.name not in law_names]
+            release_unknowns = with_guesses(release_unknowns, fit.fit.estimates)
+            unknowns += [replace(unknown, name=f"{unknown.name}_{k}") for unknown in release_unknowns]
+        residuals = [fit.fit.residuals[fit.rows] for fit in separate_fits]
+        blocks.append(DecayBlock.of(fitted_decays).with_noise(residuals, robust=robust))
     if curves:
         motion_unit = curves[0].sensor.motion_unit
         if given_constant is None:
@@ -252,26 +238,8 @@ def _mode_problem(
                 unit = constant_unit(motion_unit, excitation_unit)
                 unknowns.append(Unknown(name, start[name], start[name], 0.0, unit=unit))
         blocks.append(_with_first_weights(mode_curve_block(model, curves, law_names, names, given_constant), start))
-    blocks += map(smoothness_block, model.smooth)
+    blocks += map(SmoothnessBlock.of, model.smooth)
     return FitProblem(tuple(blocks), tuple(unknowns), robust), starts, model, law_names
-
-
-def _solve_smoothness(solution: FitSolution) -> FitSolution:
-    """Repeat the fit until the standard deviations of the changes of smooth laws settle."""
-    smoothness = _smoothness(solution)
-    for _ in range(MAX_ITERATIONS if smoothness.size else 0):
-        before, problem = smoothness, solution.problem
-        solution = solve(replace(problem, unknowns=tuple(with_guesses(problem.unknowns, solution.fit.estimates))))
-        smoothness = _smoothness(solution)
-        if has_converged(before, smoothness):
-            break
-    return solution
-
-
-def _smoothness(solution: FitSolution) -> Array:
-    """Return the standard deviations of the changes of smooth laws."""
-    blocks = [block for block in solution.problem.blocks if isinstance(block, SmoothnessBlock)]
-    return np.array([float(block.weights.deviations[0]) for block in blocks])
 
 
 def _span(curves: Sequence[ResponseRecord]) -> float:
@@ -281,21 +249,6 @@ def _span(curves: Sequence[ResponseRecord]) -> float:
     """
     amplitudes = np.concatenate([motion_amplitudes(curve) for curve in curves])
     return max(float(amplitudes.max() / amplitudes.min()), AMPLITUDE_SPAN)
-
-
-def _with_noise_of_decays(solution: FitSolution) -> FitSolution:
-    """Return the solution with the noise of ``fit_decay``, which allows for differences of late parts of the decays."""
-    solution = replace(solution, fit=without_smoothness_test(solution.fit))
-    for block, fitted in solution.fitted_blocks:
-        if isinstance(block, DecayBlock):
-            ends = fitted.rows.start + np.cumsum([0, *block.series])
-            decays = [slice(*pair) for pair in pairwise(ends.tolist())]
-            noise_free = fitted.scale * block.negligible / math.sqrt(len(fitted.fit.residuals))
-            pairs = zip(block.decays, block.weights.deviations.tolist(), strict=True)
-            rounding = [fitted.scale / std * decay.rounding(fitted.fit.estimates) for decay, std in pairs]
-            fit = allow_for_rounding(fitted.fit, decays, rounding)
-            return replace(solution, fit=allow_for_late_residuals(fit, decays, noise_free))
-    return solution
 
 
 def _with_first_weights(block: ModeCurveBlock, start: Mapping[str, float]) -> ModeCurveBlock:

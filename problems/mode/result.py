@@ -24,11 +24,12 @@ from ancf_casadi.support.inputs import check_instance
 from ancf_casadi.support.tables import Table
 from problems.beam.curves.checks import orient
 from problems.beam.curves.record import BASE_MOTIONS, ResponseRecord
+from problems.decay.block import DecayMode
 from problems.decay.law_curve import check_amplitudes, curve_with_bands
 from problems.decay.laws import DECAY_QUANTITIES, DecayModel
 from problems.decay.prediction import predict_decay
 from problems.decay.takes import RELEASE_QUANTITIES
-from problems.mode.decays import ModeCurveBlock, mode_curve_block
+from problems.mode.curve_block import ModeCurveBlock, mode_curve_block
 from problems.mode.oscillator import reading_factor
 
 MODE_QUANTITIES = tuple(name for name in DECAY_QUANTITIES if name not in RELEASE_QUANTITIES)
@@ -192,7 +193,7 @@ class ModeFit(BlocksResult):
         if isinstance(record, Measurement):
             model = replace(self.given, reference=self.model.reference, sensor=record.sensor)
             noise = [float(np.mean(channel.noise)) for channel in self.channels if channel.unit == record.sensor.unit]
-            return predict_decay(self.fit, [(model, self._law_positions)], noise[0] if noise else math.nan, record)
+            return predict_decay(self.fit, [DecayMode(model, self.law_names)], noise[0] if noise else math.nan, record)
         block = self.curve_block
         pairs = zip(block.records, block.constants, strict=True) if block else ()
         names = {str(curve.excitation_unit): name for curve, name in pairs}

@@ -1,1 +1,1 @@
-"""Bounded nonlinear least squares: the unknowns, their solution by IPOPT and Gauss-Newton steps, and the noise."""
+"""Bounded nonlinear least squares: the unknowns, and their solution by Gauss-Newton steps or IPOPT."""

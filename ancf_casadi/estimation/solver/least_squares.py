@@ -1,4 +1,4 @@
-"""Bounded least squares, solved by IPOPT with exact derivatives.
+"""Bounded least squares by IPOPT or Gauss-Newton steps, with exact derivatives.
 
 For n unknowns x with guesses, scales and bounds, and at least as many residuals r(x), the problem in z = x/scale, or
 scale/x for a reciprocal unknown, is
@@ -6,9 +6,10 @@ scale/x for a reciprocal unknown, is
     minimise  1/2 r(S z)' r(S z) / w    subject to  lower <= S z <= upper,
 
 with S the diagonal matrix of the scales, J = dr/dx, and w the largest diagonal entry of S J' J S at the guess, so that
-the tolerance of the solver refers to the unknowns in units of their scales.  CasADi gives gradient and Hessian.
-``gauss_newton`` has the loss that replaces r^2/2 if some residuals are outliers, and the Gauss-Newton steps that take
-the place of IPOPT if second derivatives of the residuals are expensive; ``fit`` has the uncertainty of the solution.
+the tolerance of the solver refers to the unknowns in units of their scales.  IPOPT solves it with the exact Hessian if
+the residuals are in closed form, as those of decays.  Second derivatives of others, such as motions, are expensive:
+Gauss-Newton steps take the place of IPOPT (``gauss_newton``, with the loss that replaces r^2/2 if some residuals are
+outliers).  ``fit`` has the uncertainty of the solution.
 """
 
 from __future__ import annotations
@@ -46,7 +47,7 @@ def least_squares(
     unknowns: Sequence[Unknown],
     *,
     huber: float = math.inf,  # residual beyond which the loss grows linearly
-    gauss_newton: bool = False,  # gradient from J and Hessian J' J: second derivatives of a motion are expensive
+    closed_form: bool = True,  # second derivatives of the residuals are cheap: IPOPT, else Gauss-Newton steps
     series: Sequence[int] = (),  # lengths of the series of residuals, each in the order of time; white noise without
     times: Array | None = None,  # of the residuals, s; if None, those of a series are equally spaced
     inaccuracy: float = 0.0,  # norm of the error of the residuals, below which they need not be minimised
@@ -54,13 +55,9 @@ def least_squares(
     stated: Mask | None = None,  # residuals (m,) whose standard deviation the user states; those of a robust fit vary
     deviation: float = 1.0,  # the stated standard deviation
     jacobian: Array | None = None,  # of the residuals by the coordinates of the unknowns near the guess, (m, n)
-    options: Mapping[str, Any] | None = None,  # of ``nlpsol`` and IPOPT; they override those set here
     advice: str = "",  # for the error message if there is no solution
 ) -> Fit:
-    """Estimate unknowns within their bounds by least squares or, with ``huber``, by the pseudo-Huber loss.
-
-    With ``gauss_newton``, Gauss-Newton steps take the place of IPOPT (``gauss_newton``).
-    """
+    """Estimate unknowns within their bounds by least squares or, with ``huber``, by the pseudo-Huber loss."""
     if not huber > 0.0:
         raise InputError(f"must be positive, got {huber:g}", "huber")
     names = tuple(unknown.name for unknown in unknowns)
@@ -71,18 +68,19 @@ def least_squares(
     if evaluate.size1_out(0) < len(names):
         raise InputError(f"{evaluate.size1_out(0)} values cannot determine {len(names)} unknowns", "residuals")
 
-    bounds = {"lower": y.lower / y.scale, "upper": y.upper / y.scale}
+    lower, upper = y.lower / y.scale, y.upper / y.scale
     began = time.perf_counter()
-    if gauss_newton:
+    if closed_form:
+        minimum, status = _by_ipopt(residuals, evaluate, y, huber, advice)
+    else:
         settings: dict[str, Any] = {"huber": huber, "systematic": systematic, "inaccuracy": inaccuracy}
         settings["jacobian"] = None if jacobian is None else jacobian * y.scale
-        minimum, status = _by_steps(evaluate, y.guess / y.scale, bounds, settings, advice), "converged"
-    else:
-        minimum, status = _by_ipopt(residuals, evaluate, y, huber, bounds, options, advice)
+        minimum, status = minimise(evaluate, y.guess / y.scale, lower, upper, **settings), "converged"
+        _check_minimum(minimum, advice)
     seconds = time.perf_counter() - began
     z, r, jacobian = minimum.z, minimum.residuals, minimum.jacobian
     bound_distance = np.maximum(AT_BOUND, _invisible_moves(r, jacobian, systematic))
-    at_lower, at_upper = z - bounds["lower"] < bound_distance, bounds["upper"] - z < bound_distance
+    at_lower, at_upper = z - lower < bound_distance, upper - z < bound_distance
     values, active = np.select([at_lower, at_upper], [y.lower, y.upper], z * y.scale), at_lower | at_upper
     if (active & (values / y.scale != z)).any():
         r, jacobian = residuals_and_jacobian(evaluate, values / y.scale)
@@ -116,41 +114,32 @@ def least_squares(
         iterations=minimum.steps,
         solve_seconds=seconds,
         model=evaluate,
-        settings={"gauss_newton": gauss_newton, "inaccuracy": inaccuracy, "options": options, "advice": advice},
+        settings={"closed_form": closed_form, "inaccuracy": inaccuracy, "advice": advice},
     )
 
 
-def _by_steps(
-    evaluate: cs.Function, guess: Array, bounds: Mapping[str, Array], settings: Mapping[str, Any], advice: str
-) -> Minimum:
-    """Return the minimum by Gauss-Newton steps."""
-    minimum = minimise(evaluate, guess, bounds["lower"], bounds["upper"], **settings)
+def _check_minimum(minimum: Minimum, advice: str) -> None:
+    """Raise a FitError if no Gauss-Newton step was possible, or if the steps do not converge."""
     if not minimum.steps:
-        _weight(minimum.jacobian)  # check
+        _largest_weight(minimum.jacobian)  # check
     if not minimum.settled:
         raise FitError(
             f"no minimum was found: {minimum.steps} Gauss-Newton steps do not converge; {advice or 'start closer'}",
             {"iter_count": minimum.steps},
         )
-    return minimum
 
 
 def _by_ipopt(
-    residuals: Callable[..., cs.MX],
-    evaluate: cs.Function,
-    y: Coordinates,
-    huber: float,
-    bounds: Mapping[str, Array],
-    options: Mapping[str, Any] | None,
-    advice: str,
+    residuals: Callable[..., cs.MX], evaluate: cs.Function, y: Coordinates, huber: float, advice: str
 ) -> tuple[Minimum, str]:
     """Return the minimum by IPOPT, and its return status."""
     r, jacobian = residuals_and_jacobian(evaluate, y.guess / y.scale)
-    weight = _weight(jacobian)
-    settings = {**TIGHT, **_near_start(r, weight), **(options or {})}
+    weight = _largest_weight(jacobian)
     z = cs.MX.sym("z", len(y.scale))
     objective = loss(residuals(*y.symbols(cs.vertsplit(cs.DM(y.scale) * z))), huber) / weight
-    solution = solve_nlp({"x": z, "f": objective}, y.guess / y.scale, **bounds, options=settings, advice=advice)
+    bounds = {"lower": y.lower / y.scale, "upper": y.upper / y.scale}
+    options = {**TIGHT, **_near_start(r, weight)}
+    solution = solve_nlp({"x": z, "f": objective}, y.guess / y.scale, **bounds, options=options, advice=advice)
     linearisation = residuals_and_jacobian(evaluate, solution.x)
     return Minimum(solution.x, *linearisation, solution.iterations, settled=True), solution.status
 
@@ -170,8 +159,8 @@ def _invisible_moves(residuals: Array, jacobian: Array, systematic: float) -> Ar
         return np.asarray(np.nan_to_num(0.01 * deviation / np.linalg.norm(jacobian, axis=0), posinf=0.0))
 
 
-def _weight(jacobian: Array) -> float:
-    """Return the divisor w of the objective, the largest diagonal entry of J' J at the guess."""
+def _largest_weight(jacobian: Array) -> float:
+    """Return the largest diagonal entry w of J' J, which is finite and positive."""
     weight = float(np.max(np.sum(jacobian**2, axis=0)))
     if not (math.isfinite(weight) and weight > 0.0):
         fault = "zero" if weight == 0.0 else "not finite"
@@ -218,7 +207,7 @@ def refit_with_noise(fit: Fit, noise: Array) -> Array:
         return fit.model.call([cs.vertcat(*y.symbols(x)) / cs.DM(y.scale)], True, False)[0] - change
 
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", RuntimeWarning)  # IPOPT steps back from a trial that cannot be computed
+        warnings.simplefilter("ignore", RuntimeWarning)  # a trial that cannot be computed shortens the step
         fit_to_noise = least_squares(
             residuals, with_guesses(fit.unknowns, fit.estimates), huber=fit.huber, **fit.settings
         )

@@ -161,7 +161,7 @@ def test_each_step_of_a_fit_is_shown_on_a_terminal(run, decay, monkeypatch, opti
     monkeypatch.setattr(progress.tqdm, "update", lambda bar, n=1: counted.append(n))
     assert run("fit-decay", "two.csv", *options).out == silent.out
     assert "fit-decay: 0 steps" in terminal.getvalue()
-    assert len(counted) > 5
+    assert counted.count(1) > 3
 
 
 def test_a_curve_without_windows_has_the_law(run, decay, tmp_path, monkeypatch):

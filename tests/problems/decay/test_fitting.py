@@ -12,6 +12,7 @@ import pytest
 
 from ancf_casadi import HarmonicBase, ModalDamping, Model, natural_modes, reduce_model, simulate_reduced
 from ancf_casadi.decay.closed_forms import equivalent_damping_ratio, friction_decay, linear_decay, quadratic_decay
+from ancf_casadi.estimation.solver import gauss_newton
 from ancf_casadi.estimation.solver.least_squares import TIGHT, least_squares
 from ancf_casadi.estimation.solver.unknown import Unknown
 from ancf_casadi.exceptions import FitError, InputError
@@ -408,6 +409,7 @@ def test_a_quantity_the_law_does_not_estimate_has_no_interval():
 
 
 def test_a_fit_that_does_not_converge_recommends_what_the_caller_can_change(monkeypatch):
+    monkeypatch.setattr(gauss_newton, "MOST_STEPS", 1)
     monkeypatch.setitem(TIGHT, "ipopt.max_iter", 1)
     with pytest.raises(FitError, match=r"Maximum_Iterations_Exceeded.*time of the release") as caught:
         fit_decay(TIME, swing(1.85, 0.01, 0.05) + 1e-4 * noise(29))

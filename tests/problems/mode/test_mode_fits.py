@@ -182,21 +182,6 @@ def test_phases_that_do_not_decide_stay_as_they_are():
 
 
 @pytest.mark.slow
-def test_a_decay_alone_gives_what_fit_decay_gives():
-    record = decay(cubic(), 0.01)
-    settings = {"law": "quadratic", "frequency_law": "quadratic"}
-    mode_fit, decay_fit = fit_mode(record, **settings), fit_decay(record, **settings)
-    ours, theirs = (curve([0.003, 0.01]) for curve in (mode_fit.law_curve, partial(law_curve, decay_fit)))
-    assert ours.frequency == pytest.approx(theirs.frequency, rel=1e-8)
-    assert ours.frequency_band == pytest.approx(theirs.frequency_band, rel=1e-8)
-    for name in ("eta1", "frequency_curvature"):
-        assert mode_fit.estimates[name] == pytest.approx(
-            decay_fit.estimates[name], abs=1e-3 * decay_fit.standard_errors[name]
-        )
-        assert mode_fit.standard_errors[name] == pytest.approx(decay_fit.standard_errors[name], rel=1e-3)
-
-
-@pytest.mark.slow
 def test_a_decay_and_a_resonance_together_have_smaller_errors_than_either():
     oscillator, laws = CASES["cubic"]
     rng = np.random.default_rng(5)
@@ -406,53 +391,6 @@ def test_a_smooth_damping_ratio_follows_a_mode_that_no_law_does(levels):
     assert fit.estimates["damping_ratio"] == pytest.approx(truth[-1], abs=4 * fit.standard_errors["damping_ratio"])
 
 
-def test_a_mode_allows_for_the_rounding_of_a_decay_as_fit_decay_does():
-    time = np.arange(0, 20, 0.02)
-    values = 1e-3 * np.round(2.2 * np.exp(-0.03 * time) * np.cos(8.8 * time))
-    fits = fit_decay(time, values), fit_mode((time, values))
-    errors = [fit.standard_errors for fit in fits]
-    for name in ("frequency", "damping_ratio"):
-        assert errors[0][name] == pytest.approx(errors[1][name], rel=1e-6)
-    white = fits[0].fit.white_errors[fits[0].fit.names.index("zeta")]
-    assert errors[0]["damping_ratio"] > 2 * white
-
-
-@pytest.mark.slow
-def test_a_smooth_damping_ratio_of_a_decay_is_that_of_fit_decay():
-    time = np.arange(0, 20, 0.02)
-    size = 1 / (1 + 0.15 * time)  # a damping ratio in proportion to the amplitude
-    noise = 0.01 * np.random.default_rng(0).standard_normal(time.size)
-    decay = Measurement(time, 0.02 * (size * np.cos(2 * np.pi * 5.0 * time) + noise))
-    alone, mode = fit_decay(decay, law="smooth"), fit_mode(decay, law="smooth")
-    amplitudes = np.geomspace(*alone.amplitude_range, 5)
-    curve, mode_curve = law_curve(alone, amplitudes), mode.law_curve(amplitudes)
-    assert curve.damping_ratio == pytest.approx(mode_curve.damping_ratio, rel=0.02)
-    assert np.ptp(curve.damping_ratio_band, axis=1) == pytest.approx(
-        np.ptp(mode_curve.damping_ratio_band, axis=1), rel=0.1
-    )
-    truth = 0.15 / (2 * np.pi * 5.0) * amplitudes / 0.02
-    assert (np.abs(curve.damping_ratio - truth) < np.ptp(curve.damping_ratio_band, axis=1)).all()
-
-
-@pytest.mark.parametrize(("noise", "length"), [(1e-4, 600), (8e-3, 1200), (1e-4, 100)])
-def test_a_smooth_frequency_of_a_decay_is_that_of_fit_decay(noise, length):
-    """Part of the law is hidden by noise, or lies beyond the record."""
-    t = np.arange(length) / 200
-    A = 0.02 * np.exp(-0.17 * t)
-    phase = 2 * np.pi * 6.92 * (t - 0.01 * (1 - np.exp(-0.17 * t)) / 0.17)
-    decay = Measurement(t, A * np.cos(phase) + noise * np.random.default_rng(0).standard_normal(length))
-    alone = fit_decay(decay, frequency_law="smooth", release_time=0.0)
-    mode = fit_mode(decay, frequency_law="smooth", release_times=[0.0])
-    amplitudes = np.geomspace(*alone.amplitude_range, 5)
-    decay_curve, mode_curve = law_curve(alone, amplitudes), mode.law_curve(amplitudes)
-    assert decay_curve.frequency == pytest.approx(mode_curve.frequency, rel=5e-4)
-    assert np.ptp(decay_curve.frequency_band, axis=1) == pytest.approx(
-        np.ptp(mode_curve.frequency_band, axis=1), rel=0.1
-    )
-    truth = 6.92 * (1 - 0.01 * amplitudes / 0.02)
-    assert decay_curve.frequency == pytest.approx(truth, abs=float(np.ptp(decay_curve.frequency_band, axis=1).max()))
-
-
 @pytest.mark.parametrize(("control", "swing"), [("excitation", 0.5), ("excitation", 0.0), ("response", 0.3)])
 def test_the_figure_has_a_curve_also_if_levels_vary(control, swing):
     f = np.linspace(9.5, 10.5, 31)
@@ -486,13 +424,52 @@ def disturbed(disturbance, seed=0):
     return Measurement(t, y)
 
 
-@pytest.mark.parametrize("disturbance", ["mode close by", "creep", "frequency that changes"])
-def test_a_decay_has_the_errors_of_fit_decay_also_if_the_law_does_not_hold(disturbance):
-    decay = disturbed(disturbance)
-    alone = fit_decay(decay, law="quadratic", release_time=0.0)
-    mode = fit_mode(decay, law="quadratic", release_times=[0.0])
-    assert np.diag(alone.fit.covariance) == pytest.approx(np.diag(mode.fit.covariance), rel=0.02)
-    assert mode.standard_errors["eta1"] == pytest.approx(alone.standard_errors["eta1"], rel=0.01)
+def rounded():
+    time = np.arange(0, 20, 0.02)
+    return Measurement(time, 1e-3 * np.round(2.2 * np.exp(-0.03 * time) * np.cos(8.8 * time)))
+
+
+def softening(noise, length):
+    """A frequency that falls by 1 % with the amplitude, partly hidden by noise or beyond the record."""
+    t = np.arange(length) / 200
+    phase = 2 * np.pi * 6.92 * (t - 0.01 * (1 - np.exp(-0.17 * t)) / 0.17)
+    return Measurement(
+        t, 0.02 * np.exp(-0.17 * t) * np.cos(phase) + noise * np.random.default_rng(0).standard_normal(length)
+    )
+
+
+def with_drag():
+    """A damping ratio in proportion to the amplitude."""
+    time = np.arange(0, 20, 0.02)
+    noise = 0.01 * np.random.default_rng(0).standard_normal(time.size)
+    return Measurement(time, 0.02 * (np.cos(2 * np.pi * 5.0 * time) / (1 + 0.15 * time) + noise))
+
+
+DECAYS = [
+    (partial(decay, cubic(), 0.01), {"law": "quadratic", "frequency_law": "quadratic"}),
+    (rounded, {}),
+    *((partial(softening, *size), {"frequency_law": "smooth"}) for size in ((1e-4, 600), (8e-3, 1200), (1e-4, 100))),
+    (with_drag, {"law": "smooth"}),
+    *(
+        (partial(disturbed, kind), {"law": "quadratic"})
+        for kind in ("mode close by", "creep", "frequency that changes")
+    ),
+]
+
+
+@pytest.mark.parametrize(("record", "laws"), DECAYS)
+def test_the_mode_of_a_decay_alone_is_that_of_fit_decay(record, laws):
+    """Also if its errors are those of rounding or of a law that does not hold, or a prior holds what noise hides."""
+    measured = record()
+    alone = fit_decay(measured, release_time=float(measured.time[0]), **laws)
+    mode = fit_mode(measured, release_times=[float(measured.time[0])], **laws)
+    curves = (partial(law_curve, alone), mode.law_curve)
+    ours, theirs = (curve(np.geomspace(*alone.amplitude_range, 5)) for curve in curves)
+    for name in ("frequency", "damping_ratio"):
+        width = np.ptp(getattr(ours, f"{name}_band"), axis=1)
+        assert (width > 0.0).all()
+        assert (np.abs(getattr(theirs, name) - getattr(ours, name)) < 0.02 * width).all()
+        assert np.ptp(getattr(theirs, f"{name}_band"), axis=1) == pytest.approx(width, rel=0.05)
 
 
 @pytest.mark.parametrize("offset", [1e7, 3e8, 1e9])

@@ -382,7 +382,15 @@ def _refine(problem: FitProblem, fit: Fit, other_optima: Sequence[Fit]) -> FitSo
                 better = better.reweighted(noise + error, robust=problem.robust) or better
             finer.append(better)
         if not any(finer):
-            break
+            noise = standardised_residuals(fit) / problem.scale  # that of coarser blocks held their errors
+            settled = [
+                block.reweighted(noise[rows], robust=problem.robust) if block.settled and block.inaccuracy else None
+                for block, rows in zip(problem.blocks, problem.rows, strict=True)
+            ]
+            if not any(settled):
+                break
+            problem, fit = _fitted_again(problem, settled, fit, keep=True)
+            continue
         coarse = [block for block, better in zip(problem.blocks, finer, strict=True) if better]
         keep = compared and turn.max() <= KEPT_TURN and all(block.inaccuracy for block in coarse)
         in_units = fit.jacobian / problem.factors[:, None]  # of the series: the weights change, too

@@ -76,6 +76,8 @@ class MotionBlock(Block):
     wanted: float | None = None  # the tolerance of the fit; None if its error shows which is needed
     expected: Array | None = None  # error of the residuals (m,) to expect after that at a larger tolerance
 
+    settled = 0.05  # (test_the_noise_is_that_at_the_last_tolerance)
+
     @property
     def records(self) -> Sequence[MotionRecord]:
         """The measurements."""
@@ -197,7 +199,10 @@ class MotionBlock(Block):
         """Return the block with the standard deviations that residuals show; a first tolerance is refined anyway."""
         if self._will_be_refined or (not robust and len(self.weights.groups) == 1):  # one for all does not matter
             return None
-        return super().reweighted(residuals, robust=robust)
+        better = super().reweighted(residuals, robust=robust)
+        if better is None or self.expected is None:
+            return better
+        return replace(better, expected=self.expected * better.factors / self.factors)
 
     @property
     def _will_be_refined(self) -> bool:

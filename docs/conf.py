@@ -1,5 +1,6 @@
 """Settings of the documentation site; ``poe docs`` builds it into ``docs/_build``, without a network."""
 
+import re
 import sys
 import tempfile
 from pathlib import Path
@@ -83,8 +84,17 @@ def run_built_pages(app: Sphinx) -> None:
                 getLogger(__name__).warning("%s does not run: %s: %s", page.name, type(error).__name__, error)
 
 
+def put_code_before_output(app: Sphinx, page: str, source: list[str]) -> None:
+    """Move the printed output of a page of the gallery below its code; the picture stays above."""
+    if page.startswith("gallery/ex"):
+        output, code = r"\.\. rst-class:: sphx-glr-script-out\n.*?", r"\.\. code-block:: Python\n.*?"
+        moved = re.compile(rf"({output})\n\|\n+({code})(?=\n\.\. _sphx_glr_download_)", re.DOTALL)
+        source[0] = moved.sub(r"\2\n\n\1\n", source[0])
+
+
 def setup(app: Sphinx) -> None:
-    """Let pages mark CSV files as such, which Pygments does not know, and run the pages that need the build."""
+    """Let pages mark CSV files, which Pygments does not know; order the gallery; run the pages that need the build."""
     app.add_lexer("csv", TextLexer)
     app.connect("builder-inited", lambda app: write_keys_page(Path(app.srcdir) / "api" / "study_keys.md"))
     app.connect("builder-inited", run_built_pages)
+    app.connect("source-read", put_code_before_output)

@@ -68,7 +68,7 @@ def strip_records(
 def composite_record(mass_per_length: float = 1e-6, most_g: float = 400.0) -> StaticRecord:
     """Return the deflections of the composite strip under loads of up to ``most_g``.
 
-    Width and thickness are of no effect; the own weight is unknown, and none by default.
+    Width and thickness have no effect; the self-weight is unknown, and zero by default.
     """
     width, thickness = 0.03, 1.5e-3
     beam = Beam.uniform(
@@ -247,7 +247,7 @@ def silicone_cases(
     own = StaticRecord(rest.model, [()], values[:1], rest.sensors)
     changes = StaticRecord(rest.model, rest.cases[1:], values[1:] - values[0], Sensor("displacement", direction=UP))
     modulus, both = ("elastic_modulus",), ("elastic_modulus", "density")
-    yield "rest under the own weight", [own], modulus
+    yield "rest under self-weight", [own], modulus
     yield "further deflection under 52 g and 101 g", [changes], modulus
     for tone in tones:
         yield f"frequency with {tone.name}", [tone], modulus

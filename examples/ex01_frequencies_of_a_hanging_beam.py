@@ -4,7 +4,7 @@ Hanging, standing and weightless beams
 
 Natural frequencies of a hanging, a standing and a weightless cantilever.
 
-Gravity stretches or compresses a beam: f1 of the paper's steel strip is 1.6553 Hz without gravity (beta L = 1.8751),
+Gravity tensions or compresses a beam: f1 of the paper's steel strip is 1.6553 Hz without gravity (beta L = 1.8751),
 1.8761 Hz hanging and 1.3994 Hz standing.
 """
 

@@ -2,9 +2,10 @@
 A circle from an end moment
 ===========================
 
-A cantilever bent to a full circle by the moment M = 2 pi E I/L at its end.
+A cantilever is bent to a full circle by the moment M = 2 pi E I/L at its end.
 
-The curvature is M/(E I) everywhere, so the tip returns to the clamp.  With 20 elements the gap is 8e-5 L.
+The curvature is M/(E I) everywhere, so the tip returns to the clamp.  With 20 elements, the gap between tip and
+clamp is 8e-5 L.
 """
 
 import numpy as np

@@ -4,9 +4,9 @@ A decay with standard errors
 
 Frequency and damping ratio of a noisy free decay, with standard errors.
 
-A mode of 1.85 Hz and 1 % damping is released 50 mm from rest and filmed for 5 s at 500 frames per second, with 1 mm of
-noise.  No unbiased fit has smaller standard errors than the Cramer-Rao bounds, 8.4e-5 Hz and 4.5e-5; this fit reaches
-them.
+A mode of 1.85 Hz and 1 % damping is released from 50 mm and filmed for 5 s at 500 frames per second, with 1 mm of
+noise.  No unbiased fit has smaller standard errors than the Cramer-Rao bounds, 8.4e-5 Hz and 4.5e-5, which
+this fit reaches.
 """
 
 import casadi as cs

@@ -6,7 +6,7 @@ A large swing under the sum of three damping laws: modal, quadratic, and a littl
 
 The hanging strip is released from a static tip force and swings 0.3 L to either side.  The energy lost to damping
 equals the decrease of kinetic, strain and potential energy, so the energy balance closes.  The strain-rate damping, a
-ratio of 1e-5 in mode 1, damps the high modes of the mesh, which would otherwise go on ringing and shorten the steps.
+ratio of 1e-5 in mode 1, damps the high modes of the mesh, which would otherwise keep ringing and shorten the steps.
 """
 
 import numpy as np

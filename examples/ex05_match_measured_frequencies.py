@@ -4,7 +4,7 @@ A match of measured frequencies
 
 Match a steel strip to its first five measured frequencies with the least change (the paper's Tables 9 and 10).
 
-Widths and thicknesses of 20 elements, density and elastic modulus may change by 10 %.  The match meets all five
+Widths and thicknesses of 20 elements, density and elastic modulus may change by 10 %.  The match reproduces all five
 frequencies to 1e-8, with no property at its bound.
 """
 

@@ -2,7 +2,7 @@
 Thickness for the widest gap between frequencies
 ================================================
 
-Widest gap between the first two frequencies at a given mass: the thickness profile found by IPOPT.
+IPOPT finds the thickness profile with the widest gap between the first two frequencies at a given mass.
 
 The thickness of each of 8 elements may change by a factor of 2.  The frequencies are a CasADi Function of the
 parameters that includes the equilibrium under gravity and has exact derivatives.

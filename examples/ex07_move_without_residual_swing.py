@@ -2,7 +2,7 @@
 A move without residual swing
 =============================
 
-Optimal base motion: move a hanging strip 0.1 m sideways in 0.9 s and leave it at rest, by shooting and IPOPT.
+Shooting and IPOPT find a base motion that moves a hanging strip 0.1 m sideways in 0.9 s and leaves it at rest.
 
 The base follows x = 0.1 m (t'^3 (10 - 15 t' + 6 t'^2) + t'^4 (1 - t')^4 c(t')), t' = t/0.9 s: a smooth step with four
 free coefficients in c.  The exported time step integrates the motion.  IPOPT minimises the mean square acceleration of

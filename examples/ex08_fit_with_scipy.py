@@ -2,11 +2,11 @@
 A fit with the optimiser of SciPy
 =================================
 
-The thickness profile of a strip from its measured frequencies, with the optimiser of SciPy.
+SciPy's optimiser finds the thickness profile of a strip from its measured frequencies.
 
 Five frequencies determine three unknown factors, on the thickness at the clamp, in the middle and at the tip, with
-linear interpolation between.  The exported Function gives frequencies and their exact Jacobian, through equilibrium and
-modes.
+linear interpolation between.  The exported Function returns the frequencies with their exact Jacobian, through
+equilibrium and modes.
 """
 
 import casadi as cs

@@ -2,11 +2,11 @@
 A hammer blow
 =============
 
-A hammer blow on the tip of a hanging strip, and the damping of mode 1 from the decay that follows.
+A hammer strikes the tip of a hanging strip; the decay that follows gives the damping of mode 1.
 
 The force is a half sine of 5 ms, sampled at 5 kHz as by a load cell.  All the energy of the motion is the work of this
-force, until damping takes it.  The sensor is at the node of mode 2, 0.78 L from the clamp, so that its record shows
-mode 1 almost alone.  The fit finds the blow in the record, and returns frequency and damping ratio of mode 1.
+force, until damping dissipates it.  The sensor is at the node of mode 2, 0.78 L from the clamp, so its record shows
+almost only mode 1.  The fit finds the blow in the record, and returns frequency and damping ratio of mode 1.
 """
 
 import numpy as np

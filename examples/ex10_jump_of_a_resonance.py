@@ -2,7 +2,7 @@
 The jump of a resonance
 =======================
 
-The steady vibration of a hanging strip whose clamp shakes near the frequency of mode 2.
+The clamp of a hanging strip shakes near the frequency of mode 2; its steady vibration jumps.
 
 Mode 2 softens: its frequency falls with the amplitude.  At 0.2 mm, the resonance leans so far that three steady
 vibrations exist over a range of frequencies, one of them unstable.  A slow sweep upwards jumps at the upper end of this

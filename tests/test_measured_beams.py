@@ -180,10 +180,10 @@ class TestSiliconeBeam:
     pytestmark = pytest.mark.skipif(MISSING, reason="the records of the silicone beam are not here")
 
     def test_the_own_weight_bends_the_beam_less_than_the_hung_masses_say(self, page):
-        """Modulus 274 kPa from the own weight, 232 kPa from the hung masses: one modulus and density do not fit."""
+        """Modulus 274 kPa from the self-weight, 232 kPa from the hung masses: one modulus and density do not fit."""
         rest, _ = page.silicone_records(SILICONE)
         cases = {words: (records, names) for words, records, names in page.silicone_cases(rest, []) if len(names) == 1}
-        own = fitted(*cases["rest under the own weight"]).estimates["elastic_modulus"]
+        own = fitted(*cases["rest under self-weight"]).estimates["elastic_modulus"]
         hung = fitted(*cases["further deflection under 52 g and 101 g"]).intervals()["elastic_modulus"]
         assert 270e3 < own < 280e3
         assert 220e3 < hung[0] < hung[1] < 240e3

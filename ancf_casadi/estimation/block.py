@@ -196,10 +196,12 @@ class Block(ABC):
         """Return the block with the standard deviations that residuals (m,) show; None if they would not change."""
         if self.weights is None or all(self.weights.known):
             return None
-        weights = self.weights.improved(self.weights.split(residuals), robust=robust)
-        if self.settled and np.allclose(weights.deviations, self.weights.deviations, rtol=self.settled, atol=0.0):
-            return None
-        return replace(self, weights=weights, before=self)
+        better = replace(self, weights=self.weights.improved(self.weights.split(residuals), robust=robust), before=self)
+        return None if self.settled and self.has_similar_weights(better, self.settled) else better
+
+    def has_similar_weights(self, other: Block, change: float) -> bool:
+        """Return whether the standard deviations of a version of the block differ by less than a relative change."""
+        return np.allclose(other.factors, self.factors, rtol=change, atol=0.0)
 
     def error(self, values: Mapping[str, float], residuals: Array, small: Callable[[Array], bool]) -> Array:
         """Return the error (m,) of residuals (m,) due to the discretisation, for values of the unknowns by name.

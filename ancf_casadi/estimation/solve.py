@@ -54,6 +54,7 @@ KEPT_TURN = LARGEST_SHIFT / 3  # typical shift by the change of the Jacobian, be
 DOUBTS = 2.0  # shift of unknown direction that a fit states, over its root mean square
 MOST_REFINEMENTS = 6  # of a block
 MOST_REWEIGHTINGS = 5  # of a block whose weights need to settle
+CHANGED_WEIGHTS = 0.05  # relative change by a refinement (test_the_noise_is_that_at_the_last_tolerance)
 LEAST_SHARE = 0.01  # least share 1 - h of the noise that a residual may show
 OPTIMA_APART = 0.05  # relative difference of unknowns that belong to different optima
 MOST_MESH_STEPS = 3  # to the estimates on a finer mesh
@@ -382,14 +383,10 @@ def _refine(problem: FitProblem, fit: Fit, other_optima: Sequence[Fit]) -> FitSo
                 better = better.reweighted(noise + error, robust=problem.robust) or better
             finer.append(better)
         if not any(finer):
-            noise = standardised_residuals(fit) / problem.scale  # that of coarser blocks held their errors
-            settled = [
-                block.reweighted(noise[rows], robust=problem.robust) if block.settled and block.inaccuracy else None
-                for block, rows in zip(problem.blocks, problem.rows, strict=True)
-            ]
-            if not any(settled):
+            changed = _changed_weights(problem, fit)
+            if not any(changed):
                 break
-            problem, fit = _fitted_again(problem, settled, fit, keep=True)
+            problem, fit = _fitted_again(problem, changed, fit, keep=True)
             continue
         coarse = [block for block, better in zip(problem.blocks, finer, strict=True) if better]
         keep = compared and turn.max() <= KEPT_TURN and all(block.inaccuracy for block in coarse)
@@ -400,6 +397,16 @@ def _refine(problem: FitProblem, fit: Fit, other_optima: Sequence[Fit]) -> FitSo
         for block in coarse:
             block.close()
     return FitSolution(problem, fit, shifts, tuple(other_optima))
+
+
+def _changed_weights(problem: FitProblem, fit: Fit) -> list[Block | None]:
+    """Return the refined blocks with the weights that residuals give, where the errors of coarser ones were noise."""
+    noise = standardised_residuals(fit) / problem.scale
+    changed: list[Block | None] = []
+    for block, rows in zip(problem.blocks, problem.rows, strict=True):
+        better = block.reweighted(noise[rows], robust=problem.robust) if block.inaccuracy else None
+        changed.append(better if better and not block.has_similar_weights(better, CHANGED_WEIGHTS) else None)
+    return changed
 
 
 def _renewed(blocks: Sequence[Block], changed: Sequence[Block | None]) -> tuple[Block, ...]:

@@ -23,7 +23,6 @@ class Lines(Block):
     lengths = property(lambda self: [[self.values.shape[1]] * 2])
     negligible = 0.0
     inaccuracy = 1e-9
-    settled = 0.05
 
     def residuals(self, unknowns):
         places = np.arange(self.values.shape[1])

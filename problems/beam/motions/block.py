@@ -76,8 +76,6 @@ class MotionBlock(Block):
     wanted: float | None = None  # the tolerance of the fit; None if its error shows which is needed
     expected: Array | None = None  # error of the residuals (m,) to expect after that at a larger tolerance
 
-    settled = 0.05  # (test_the_noise_is_that_at_the_last_tolerance)
-
     @property
     def records(self) -> Sequence[MotionRecord]:
         """The measurements."""

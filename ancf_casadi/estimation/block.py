@@ -192,7 +192,7 @@ class Block(ABC):
         weights = self.weights
         return np.repeat(1 / weights.deviations, weights.lengths) if weights else np.ones(sum(self.series))
 
-    def reweighted(self, residuals: Array, *, robust: bool) -> Self | None:
+    def reweight(self, residuals: Array, *, robust: bool) -> Self | None:
         """Return the block with the standard deviations that residuals (m,) show; None if they would not change."""
         if self.weights is None or all(self.weights.known):
             return None
@@ -214,7 +214,7 @@ class Block(ABC):
         """Return the root mean square of the part of an error (m,) whose size alone is known."""
         return 0.0
 
-    def refined(self, shift: float, error: Array) -> Self | None:
+    def refine(self, shift: float, error: Array) -> Self | None:
         """Return the block with a finer discretisation; its error (m,) shifts an estimate by ``shift`` standard errors.
 
         None if it need not, cannot or must not be finer.
@@ -244,7 +244,7 @@ class Block(ABC):
         """Return the fit with a covariance that allows for errors of the measurements that residuals need not show."""
         return fitted.fit
 
-    def unexplained(self, fitted: Fitted) -> list[tuple[str, float]]:
+    def unexplained_shares(self, fitted: Fitted) -> list[tuple[str, float]]:
         """Return name and unexplained share of the motion of each record, root mean square; none if unknown."""
         return []
 
@@ -256,7 +256,7 @@ class Block(ABC):
     def channels(self, fitted: Fitted) -> Sequence[PredictedChannel]:
         """Return measured and computed values."""
 
-    def predicted(self, fit: Fit, kind: str) -> RecordPrediction:
+    def predict_record(self, fit: Fit, kind: str) -> RecordPrediction:
         """Return the values of the block, whose records were not fitted, at the estimates of a fit of some kind."""
         residuals, jacobian = self.linearised(fit.unknowns, fit.values)
         if self.failure:

@@ -311,7 +311,7 @@ def _reweight(problem: FitProblem, optima: Sequence[Fit]) -> tuple[FitProblem, F
     for iteration in range(MOST_REWEIGHTINGS):
         residuals = standardised_residuals(fit) / problem.scale
         better = [
-            None if iteration and block.settled is None else block.reweighted(residuals[rows], robust=problem.robust)
+            None if iteration and block.settled is None else block.reweight(residuals[rows], robust=problem.robust)
             for block, rows in zip(problem.blocks, problem.rows, strict=True)
         ]
         if not any(better):
@@ -377,10 +377,10 @@ def _refine(problem: FitProblem, fit: Fit, other_optima: Sequence[Fit]) -> FitSo
                 continue
             block_shifts[:] = shift_by(turn, error, doubts=DOUBTS)
             shift = np.max(meaningful(shift_by(turn, error), fit, block.meaningful))
-            better = block.refined(float(shift), error)
+            better = block.refine(float(shift), error)
             if better and math.isfinite(shift):
                 noise = standardised_residuals(fit)[rows] / problem.scale
-                better = better.reweighted(noise + error, robust=problem.robust) or better
+                better = better.reweight(noise + error, robust=problem.robust) or better
             finer.append(better)
         if not any(finer):
             changed = _changed_weights(problem, fit)
@@ -404,7 +404,7 @@ def _changed_weights(problem: FitProblem, fit: Fit) -> list[Block | None]:
     noise = standardised_residuals(fit) / problem.scale
     changed: list[Block | None] = []
     for block, rows in zip(problem.blocks, problem.rows, strict=True):
-        better = block.reweighted(noise[rows], robust=problem.robust) if block.inaccuracy else None
+        better = block.reweight(noise[rows], robust=problem.robust) if block.inaccuracy else None
         changed.append(better if better and not block.has_similar_weights(better, CHANGED_WEIGHTS) else None)
     return changed
 
@@ -426,7 +426,7 @@ def _check_result(solution: FitSolution) -> FitSolution:
     """Return a solution; raise a FitError if it leaves most of a motion, or has most unknowns at bounds."""
     most_unexplained = solution.problem.most_unexplained
     refusing = solution.fitted_blocks if most_unexplained < 1.0 else []
-    unexplained_shares = [share for block, fitted in refusing for share in block.unexplained(fitted)]
+    unexplained_shares = [share for block, fitted in refusing for share in block.unexplained_shares(fitted)]
     unexplained = [f"{name} ({share:.0%})" for name, share in unexplained_shares if share**2 > most_unexplained]
     at_bound = [unknown.report[0] for unknown in solution.fit.unknowns if unknown.name in solution.fit.at_bound]
     count = len(solution.fit.names)

@@ -308,7 +308,7 @@ class BeamFit(BlocksResult):
         >>> max(prediction.relative_errors.values()) < 1e-3
         True
         """
-        return self._record_block(record).predicted(self.fit, self.kind)
+        return self._record_block(record).predict_record(self.fit, self.kind)
 
     def _record_block(self, record: Any) -> Block:
         """Return another record as a block; none of the unknowns belongs to it alone."""

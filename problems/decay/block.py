@@ -265,7 +265,7 @@ class DecayBlock(Block):
         """Name of each decay."""
         return [decay.record.name or f"decay {number}" for number, decay in enumerate(self.decays, start=1)]
 
-    def unexplained(self, fitted: Fitted) -> list[tuple[str, float]]:
+    def unexplained_shares(self, fitted: Fitted) -> list[tuple[str, float]]:
         """Return the unexplained share of each oscillation, root mean square; white noise does not count."""
         shares = []
         for label, decay, residuals in zip(self.labels, self.decays, self.weights.split(fitted.residuals), strict=True):
@@ -338,9 +338,9 @@ class SmoothnessBlock(Block):
         changes: cs.MX = smooth_steps([unknowns[name] for name in self.terms.names])
         return changes / float(self.weights.deviations[0])
 
-    def reweighted(self, residuals: Array, *, robust: bool) -> Self | None:
+    def reweight(self, residuals: Array, *, robust: bool) -> Self | None:
         """Return the block with the root mean square of the changes, also in a robust fit."""
-        return super().reweighted(residuals, robust=False)
+        return super().reweight(residuals, robust=False)
 
     def allowing(self, fitted: Fitted) -> Fit:
         """Return a fit that says nothing of stated standard deviations, unless an unknown has a prior that states one.

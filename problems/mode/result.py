@@ -205,7 +205,7 @@ class ModeFit(BlocksResult):
         oriented_record, note = orient(record, float(np.angle(reading_factor(record)[0])))
         given_constant = block.given_constants.get(names[record.excitation_unit])
         prediction_block = mode_curve_block(self.model, [oriented_record], block.law_names, names, given_constant)
-        prediction = prediction_block.predicted(self.fit, self.kind)
+        prediction = prediction_block.predict_record(self.fit, self.kind)
         return replace(prediction, notes=(*prediction.notes, *([note] if note else [])))
 
     @property

@@ -31,7 +31,7 @@ class Lines(Block):
         pairs = zip(measured, self.weights.deviations.tolist(), strict=True)
         return cs.vertcat(*((unknowns["x"] * places - cs.DM(y)) / deviation for y, deviation in pairs))
 
-    def refined(self, shift, error):
+    def refine(self, shift, error):
         return None if self.is_fine else replace(self, is_fine=True)
 
     def account(self, fitted):

@@ -128,7 +128,7 @@ class CurveBlock(ResponseBlock):
         """Return the error of residuals, from one mode and two harmonics more."""
         return np.asarray(self.finer().at(values)[0] - residuals)
 
-    def refined(self, shift: float, error: Array) -> Self | None:
+    def refine(self, shift: float, error: Array) -> Self | None:
         """Return the block with one mode and two harmonics more, twice at most."""
         return self.finer() if shift > LARGEST_SHIFT and self.refinements < 2 else None
 

@@ -146,9 +146,9 @@ class ResponseBlock(Block):
             jacobians.append(slopes.reshape(-1, len(self.names)))
         return np.concatenate(residuals), np.concatenate(jacobians)
 
-    def reweighted(self, residuals: Array, *, robust: bool) -> Self | None:
+    def reweight(self, residuals: Array, *, robust: bool) -> Self | None:
         """Return the block with the factors of the root mean square of residuals, also in a robust fit."""
-        return super().reweighted(residuals, robust=False)
+        return super().reweight(residuals, robust=False)
 
     def channels(self, fitted: Fitted) -> list[PredictedChannel]:
         """Return computed amplitudes, and phases if they were measured, without standard errors."""
@@ -160,7 +160,7 @@ class ResponseBlock(Block):
             channels += own_channels if record.measured_phases is not None else own_channels[:1]
         return channels
 
-    def predicted(self, fit: Fit, kind: str) -> RecordPrediction:
+    def predict_record(self, fit: Fit, kind: str) -> RecordPrediction:
         """Return amplitudes and phases at the levels of the only record, which decide (``FREE``)."""
         free, (record,), values = replace(self, looseness=FREE), self.records, fit.estimates
         try:
@@ -183,7 +183,7 @@ class ResponseBlock(Block):
         channels = response_channels(record, motion_values[:, :2].T, np.where(beyond, math.nan, errors))
         return RecordPrediction(kind, tuple(channels), notes=notes)
 
-    def unexplained(self, fitted: Fitted) -> list[tuple[str, float]]:
+    def unexplained_shares(self, fitted: Fitted) -> list[tuple[str, float]]:
         """Return the share of the response per level, root mean square, that the curves of each record leave."""
         shares, values = [], fitted.values
         for record, (motion_values, _), points in zip(

@@ -193,11 +193,11 @@ class MotionBlock(Block):
                 readings.append((_channel_reading(number, record, channel, sampled[place], unknowns) + zero).T)
         return readings
 
-    def reweighted(self, residuals: Array, *, robust: bool) -> Self | None:
+    def reweight(self, residuals: Array, *, robust: bool) -> Self | None:
         """Return the block with the standard deviations that residuals show; a first tolerance is refined anyway."""
         if self._will_be_refined or (not robust and len(self.weights.groups) == 1):  # one for all does not matter
             return None
-        better = super().reweighted(residuals, robust=robust)
+        better = super().reweight(residuals, robust=robust)
         if better is None or self.expected is None:
             return better
         return replace(better, expected=self.expected * better.factors / self.factors)
@@ -228,7 +228,7 @@ class MotionBlock(Block):
         """
         return root_mean_square(error) * (TYPICAL if error is self.expected else _decrease(self, self._finer))
 
-    def refined(self, shift: float, error: Array) -> Self | None:
+    def refine(self, shift: float, error: Array) -> Self | None:
         """Return the block with a smaller tolerance; the first is not the last."""
         visible = 0.0 if error is self.expected else root_mean_square(error) / MOST_VISIBLE
         excess = max(shift / LARGEST_SHIFT, visible)
@@ -283,9 +283,9 @@ class MotionBlock(Block):
             for label, channel, residual, error, title, noise in rows
         ]
 
-    def predicted(self, fit: Fit, kind: str) -> RecordPrediction:
+    def predict_record(self, fit: Fit, kind: str) -> RecordPrediction:
         """Return the readings of the record at the estimates of a fit; the mean error of displacements is zero."""
-        prediction = super().predicted(fit, kind)
+        prediction = super().predict_record(fit, kind)
         channels = [
             replace(
                 predicted_channel, predicted=predicted_channel.predicted - float(np.mean(predicted_channel.residuals))

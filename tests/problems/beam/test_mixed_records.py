@@ -236,7 +236,7 @@ class Mean(Block):
     def residuals(self, given):
         return (given[self.name] - cs.DM(self.values)) / self.scale
 
-    def reweighted(self, residuals, *, robust):
+    def reweight(self, residuals, *, robust):
         return replace(self, scale=self.scale * math.sqrt(np.mean(residuals**2)))
 
     def account(self, fitted):

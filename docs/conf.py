@@ -13,6 +13,7 @@ from ancf_casadi.version import __version__
 
 ROOT = Path(__file__).parents[1]
 sys.path.insert(0, str(ROOT / "docs"))
+from docstring_formulas import typeset_lines  # noqa: E402
 from keys_page import write_keys_page  # noqa: E402
 from run_pages import BUILT, run_page  # noqa: E402
 
@@ -95,6 +96,7 @@ def put_code_before_output(app: Sphinx, page: str, source: list[str]) -> None:
 def setup(app: Sphinx) -> None:
     """Let pages mark CSV files, which Pygments does not know; order the gallery; run the pages that need the build."""
     app.add_lexer("csv", TextLexer)
+    app.connect("autodoc-process-docstring", typeset_lines, priority=400)  # before napoleon
     app.connect("builder-inited", lambda app: write_keys_page(Path(app.srcdir) / "api" / "study_keys.md"))
     app.connect("builder-inited", run_built_pages)
     app.connect("source-read", put_code_before_output)

@@ -1,12 +1,16 @@
 """Formulas in the documentation are typeset between dollar signs, and each can be shown as MathML."""
 
 import importlib
+import inspect
 import re
 import sys
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+
+import ancf_casadi.export
+import problems
 
 DOCS = Path(__file__).parents[1] / "docs"
 PAGES = sorted(  # api and gallery come from docstrings
@@ -86,3 +90,33 @@ def test_elements_without_line_breaks_change_no_text(mathml):
     assert document.astext() == before
     whole = [node.astext() for node in document.findall(nodes.inline)]
     assert {"(x_0,", "2.5e-6", "x_6."} <= set(whole)
+
+
+UNIT = re.compile(r"\b(?:kg|m|s|N|rad|Hz)(?: m| s)?\^\(?-?\w+(?:/\d)?\)?")
+NO_FORMULA = re.compile(r"\^|\bint [A-Z]|sqrt\(|\|v\||\bphi\b|2 omega|alpha M|Q_damp")
+
+
+def public_docstrings() -> Iterator[tuple[str, str]]:
+    """Yield name and docstring of every public object and its members, without examples."""
+    for module in (ancf_casadi, ancf_casadi.export, problems):
+        for name in module.__all__:
+            item = getattr(module, name)
+            members = [key for key in (vars(item) if inspect.isclass(item) else ()) if not key.startswith("_")]
+            for key, member in [(name, item), *((f"{name}.{key}", getattr(item, key, None)) for key in members)]:
+                if not isinstance(member, int | float | str | tuple):
+                    yield key, re.split(r"\nExamples\n", inspect.getdoc(member) or "")[0]
+
+
+def test_formulas_of_docstrings_are_typeset(monkeypatch):
+    monkeypatch.syspath_prepend(DOCS)
+    formulas = importlib.import_module("docstring_formulas")
+    texts = dict(public_docstrings())
+    together = " ".join(" ".join(texts.values()).split())
+    assert [plain for plain in formulas.FORMULAS if plain not in together] == []
+    rest = {name: re.sub(r":math:`[^`]+`", "", formulas.typeset(text)) for name, text in texts.items()}
+    assert [name for name, text in rest.items() if NO_FORMULA.search(UNIT.sub("", text))] == []
+
+
+def test_formulas_of_docstrings_can_be_shown(mathml):
+    formulas = importlib.import_module("docstring_formulas")
+    assert all(mathml.mathml(latex, display=False).startswith("<math") for latex in formulas.FORMULAS.values())

@@ -29,8 +29,8 @@ def mathml(latex: str, *, display: bool) -> str:
 
 def numbered(latex: str) -> tuple[str, str]:
     """Return a displayed formula without its number, and the number, empty if it has none."""
-    found = TAG.search(latex)
-    return TAG.sub("", latex), found[1] if found else ""
+    tag = TAG.search(latex)
+    return TAG.sub("", latex), tag[1] if tag else ""
 
 
 def write(translator: HTML5Translator, node: nodes.Element, latex: str, *, display: bool) -> None:

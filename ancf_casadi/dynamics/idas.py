@@ -17,7 +17,7 @@ segments.
 Order.  Undamped high modes lie on the imaginary axis, where backward differentiation formulas of order 3 to 5 are
 unstable, so the order is limited to 2.
 
-Energy.  The three powers of ``Balance.forces`` are integrated with the motion, so that its balance can be checked.
+Energy.  The three powers of ``Balance.powers`` are integrated with the motion, so that its balance can be checked.
 
 References
 ----------

@@ -74,7 +74,7 @@ class FitProblem:
 
     @property
     def closed_form(self) -> bool:
-        """Whether all residuals are in closed form, and as cheap as exact."""
+        """Whether all blocks have residuals in closed form."""
         return all(block.closed_form for block in self.blocks)
 
     @property
@@ -164,9 +164,13 @@ class FitProblem:
             accurate._check_determined()
 
     def has_same_optimum(self, other: FitProblem) -> bool:
-        """Return whether the weights of a problem differ by none, since a common factor of all does not matter."""
+        """Return whether the same unknowns are optimal under other weights: if they differ by a common factor alone."""
         exact = not any(block.inaccuracy for block in self.blocks)
         return exact and not self.robust and np.allclose(self.factors, other.factors, rtol=1e-9)
+
+    def with_blocks(self, changed: Sequence[Block | None]) -> FitProblem:
+        """Return the problem with blocks that have become better or finer in their places."""
+        return replace(self, blocks=tuple(new or old for new, old in zip(changed, self.blocks, strict=True)))
 
     def close(self) -> None:
         """Forget what the blocks no longer need once the fit has ended."""
@@ -316,11 +320,10 @@ def _reweight(problem: FitProblem, optima: Sequence[Fit]) -> tuple[FitProblem, F
         ]
         if not any(better):
             break
-        reweighted = replace(problem, blocks=_renewed(problem.blocks, better))
-        if reweighted.has_same_optimum(problem):
-            return reweighted, fit, other_optima
-        problem, fit = _fitted_again(problem, better, fit)
-        other_optima = []
+        before, problem = problem, problem.with_blocks(better)
+        if problem.has_same_optimum(before):
+            return problem, fit, other_optima
+        fit, other_optima = _fitted_again(before, problem, fit), []
     return problem, fit, other_optima
 
 
@@ -386,14 +389,16 @@ def _refine(problem: FitProblem, fit: Fit, other_optima: Sequence[Fit]) -> FitSo
             changed = _changed_weights(problem, fit)
             if not any(changed):
                 break
-            problem, fit = _fitted_again(problem, changed, fit, keep=True)
+            before, problem = problem, problem.with_blocks(changed)
+            fit = _fitted_again(before, problem, fit, keep=True)
             continue
         coarse = [block for block, better in zip(problem.blocks, finer, strict=True) if better]
         keep = compared and turn.max() <= KEPT_TURN and all(block.inaccuracy for block in coarse)
-        in_units = fit.jacobian / problem.factors[:, None]  # of the series: the weights change, too
-        problem, fit = _fitted_again(problem, finer, fit, keep=keep)
+        before, problem = problem, problem.with_blocks(finer)
+        coarser = _reweighted_jacobian(before, problem, fit)
+        fit = _fitted_again(before, problem, fit, keep=keep)
         if not keep:
-            turn, compared = _turn(fit, problem.factors[:, None] * in_units), True
+            turn, compared = _turn(fit, coarser), True
         for block in coarse:
             block.close()
     return FitSolution(problem, fit, shifts, tuple(other_optima))
@@ -401,17 +406,14 @@ def _refine(problem: FitProblem, fit: Fit, other_optima: Sequence[Fit]) -> FitSo
 
 def _changed_weights(problem: FitProblem, fit: Fit) -> list[Block | None]:
     """Return the refined blocks with the weights that residuals give, where the errors of coarser ones were noise."""
+    if not any(block.inaccuracy for block in problem.blocks):
+        return []
     noise = standardised_residuals(fit) / problem.scale
     changed: list[Block | None] = []
     for block, rows in zip(problem.blocks, problem.rows, strict=True):
         better = block.reweight(noise[rows], robust=problem.robust) if block.inaccuracy else None
         changed.append(better if better and not block.has_similar_weights(better, CHANGED_WEIGHTS) else None)
     return changed
-
-
-def _renewed(blocks: Sequence[Block], changed: Sequence[Block | None]) -> tuple[Block, ...]:
-    """Return the blocks, with those that have become better or finer in their places."""
-    return tuple(new or old for new, old in zip(changed, blocks, strict=True))
 
 
 def _allow(solution: FitSolution) -> FitSolution:
@@ -449,17 +451,17 @@ def meaningful(shifts: Array, fit: Fit, least_relative: float) -> Array:
     return np.where(sizes * fit.errors <= least_relative * np.abs(fit.values), 0.0, sizes)
 
 
-def _fitted_again(
-    problem: FitProblem, changed: Sequence[Block | None], fit: Fit, *, keep: bool = False
-) -> tuple[FitProblem, Fit]:
-    """Return the problem with blocks that have become better or finer, and its estimates, from those of a fit.
+def _fitted_again(before: FitProblem, problem: FitProblem, fit: Fit, *, keep: bool = False) -> Fit:
+    """Return the estimates of a problem whose blocks have changed, from those of the fit before.
 
-    ``keep`` says whether the steps begin with the Jacobian of the fit.
+    ``keep`` says whether the steps begin with the Jacobian of this fit.
     """
-    blocks = _renewed(problem.blocks, changed)
-    unknowns = tuple(with_guesses(problem.unknowns, fit.estimates))
-    before, problem = problem, replace(problem, blocks=blocks, unknowns=unknowns)
-    jacobian = fit.jacobian * (problem.factors / before.factors)[:, None] if keep else None
-    again = problem.fitted(first=False, jacobian=jacobian)
+    started = replace(problem, unknowns=tuple(with_guesses(problem.unknowns, fit.estimates)))
+    again = started.fitted(first=False, jacobian=_reweighted_jacobian(before, problem, fit) if keep else None)
     iterations, seconds = fit.iterations + again.iterations, fit.solve_seconds + again.solve_seconds
-    return problem, replace(again, iterations=iterations, solve_seconds=seconds)
+    return replace(again, iterations=iterations, solve_seconds=seconds)
+
+
+def _reweighted_jacobian(before: FitProblem, problem: FitProblem, fit: Fit) -> Array:
+    """Return the Jacobian (m, n) of a fit under the weights of another problem."""
+    return np.asarray(fit.jacobian * (problem.factors / before.factors)[:, None])

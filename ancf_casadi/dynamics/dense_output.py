@@ -34,7 +34,7 @@ import scipy.sparse.linalg
 
 from ancf_casadi.damping import DampingLaw
 from ancf_casadi.dynamics.base_motion import BaseMotion
-from ancf_casadi.dynamics.equations import Balance, Equations
+from ancf_casadi.dynamics.equations import Balance, shared_equations
 from ancf_casadi.dynamics.excitation import ENERGIES, EXCITATION, SAME_TIME, Excitation, Segment, excitation_pieces
 from ancf_casadi.dynamics.placed_load import TIP
 from ancf_casadi.dynamics.radau.tableau import QUINTIC, RADAU, STAGES, powers
@@ -414,7 +414,9 @@ class DenseMotion(MotionSource):
 
     def _function(self, term: Callable[..., cs.MX]) -> cs.Function:
         """Return a term of the balance of forces as a Function of motion and load."""
-        equations = Equations(self.model, self.law, compile_together, TIP if self.load is None else self.load.place)
+        equations = shared_equations(
+            self.model, self.law, compile_together, TIP if self.load is None else self.load.place
+        )
         e, e_t, e_tt = (cs.MX.sym(name, self.model.size) for name in ("e", "e_t", "e_tt"))
         load, balance = cs.MX.sym("load", NODE), equations.balance(cs.MX(cs.DM(equations.parameters)))
         values = cs.densify(term(balance, e, e_t, e_tt, load))

@@ -27,7 +27,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import Any
 
 import casadi as cs
@@ -203,6 +203,12 @@ class Equations:
         """Rows of R B of the free coordinates for a clamp along x and along y, (2, N, m); R is linear in its slope."""
         B, axis = cs.DM(self.projection), self.model.beam.axis
         return np.array([self.model.of_free(rotate_pairs(B, axis, along).full()) for along in ((1.0, 0.0), (0.0, 1.0))])
+
+
+@lru_cache(8)
+def shared_equations(model: Model, law: DampingLaw, make: Make, place: PointLoad | None = TIP) -> Equations:
+    """Return the equations of motion, those of an earlier call for an equal beam if there was one."""
+    return Equations(model, law, make, place)
 
 
 @dataclass(frozen=True, eq=False)

@@ -53,16 +53,13 @@ class Excitation:
     def function(self) -> cs.Function:
         """(t) -> the excitation, (16,)."""
         t = cs.MX.sym("t")
-        return cs.Function("excitation", [t], [self._expression(t, cs.MX(cs.DM(self.parameters)))])
+        return _expanded(cs.Function("excitation", [t], [self._expression(t, cs.MX(cs.DM(self.parameters)))]))
 
     @cached_property
     def node(self) -> cs.Function:
         """(t) -> position and slope of the clamped node, (4,)."""
         t = cs.MX.sym("t")
-        function = cs.Function("node", [t], [self._expression(t, cs.MX(cs.DM(self.parameters)))[:NODE]])
-        with contextlib.suppress(RuntimeError):  # splines have no scalar operations; the others are faster in these
-            function = function.expand()
-        return function
+        return _expanded(cs.Function("node", [t], [self._expression(t, cs.MX(cs.DM(self.parameters)))[:NODE]]))
 
     @cached_property
     def clamp(self) -> cs.Function:
@@ -135,6 +132,13 @@ def clamped_node(model: Model, displacement: cs.MX, t: cs.MX) -> cs.MX:
     ax, ay = model.beam.axis
     node = cs.vertcat(x, y, cs.cos(angle) * ax - cs.sin(angle) * ay, cs.sin(angle) * ax + cs.cos(angle) * ay)
     return with_rates(node, t)
+
+
+def _expanded(function: cs.Function) -> cs.Function:
+    """Return a Function in scalar operations, which are faster, if it has them: splines do not."""
+    with contextlib.suppress(RuntimeError):
+        return function.expand()
+    return function
 
 
 def with_rates(x: cs.MX, t: cs.MX) -> cs.MX:

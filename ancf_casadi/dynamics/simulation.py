@@ -29,7 +29,7 @@ from ancf_casadi.dynamics.base_motion import BaseMotion
 from ancf_casadi.dynamics.dense_output import DenseMotion, SegmentSolution
 from ancf_casadi.dynamics.excitation import divide
 from ancf_casadi.dynamics.idas import integrate_by_idas
-from ancf_casadi.dynamics.radau.collocation import Collocation, first_equal
+from ancf_casadi.dynamics.radau.collocation import shared_form
 from ancf_casadi.dynamics.radau.stepper import integrate_by_radau
 from ancf_casadi.dynamics.start import MotionSetup, Start, set_up
 from ancf_casadi.dynamics.tip_load import TipLoad
@@ -189,9 +189,7 @@ def _integrate(
     setup: MotionSetup, use: IntegratorUse, largest_step: float, options: Mapping[str, Any]
 ) -> Iterator[SegmentSolution]:
     """Integrate a motion, and yield the solution on each time segment."""
-    state, form = setup.start, Collocation(setup.equations)
-    if use.method == "radau":
-        form = first_equal(form)
+    state = setup.start
     for piece in setup.pieces:
         rate = setup.sample_rate
         points = max(1, math.ceil((piece.end - piece.begin) * rate / SEGMENTS))
@@ -201,7 +199,7 @@ def _integrate(
         if use.method == "idas":
             solutions = integrate_by_idas(setup.equations, *settings, options)
         else:
-            solutions = integrate_by_radau(form, setup.equations.parameters, *settings)
+            solutions = integrate_by_radau(shared_form(setup.equations), setup.equations.parameters, *settings)
         for solution in solutions:
             state = solution.end
             yield solution

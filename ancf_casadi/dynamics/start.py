@@ -26,7 +26,7 @@ import numpy as np
 
 from ancf_casadi.damping import DampingLaw, RayleighDamping
 from ancf_casadi.dynamics.base_motion import BaseMotion, FixedBase
-from ancf_casadi.dynamics.equations import Equations, Make, as_they_are
+from ancf_casadi.dynamics.equations import Equations, Make, as_they_are, shared_equations
 from ancf_casadi.dynamics.excitation import SAME_TIME, Excitation, excitation_pieces
 from ancf_casadi.dynamics.placed_load import TIP, equilibrium_under
 from ancf_casadi.dynamics.tip_load import TipLoad
@@ -60,6 +60,7 @@ class MotionSetup:
     pieces: Sequence[Excitation]  # smooth pieces of base and load, from the first to the last sample
     checked: tuple[Array, Array]  # instants throughout the motion (k,), s, and the excitation there (k, 16)
     start: State  # the initial state
+    from_rest: bool  # whether this is an equilibrium under gravity, a flow and the first load
     sample_rate: float  # 1/s
     times: Array  # the samples (k,), s
 
@@ -68,7 +69,9 @@ class MotionSetup:
         """The expected travel, relative to the length of the beam."""
         equations = self.equations
         flow = equations.law.loads(equations.model.beam)
-        return expected_travel(equations.model, *self.checked, self.start, equations.place, flow)
+        return expected_travel(
+            equations.model, *self.checked, self.start, equations.place, flow, from_rest=self.from_rest
+        )
 
 
 def set_up(
@@ -92,7 +95,7 @@ def set_up(
     base = _fixed_base(model, start) if base is None else base
     load = None if load is None else load.along(model.beam)
     law, place = RayleighDamping() if damping is None else damping, TIP if load is None else load.place
-    equations = Equations(model, law, make, place)
+    equations = shared_equations(model, law, make, place)
     times = _sample_times(duration, sample_rate, start.time if isinstance(start, State) else 0.0)
     begin, end = float(times[0]), float(times[-1])
     if load is not None and load.begin >= end:
@@ -108,6 +111,7 @@ def set_up(
         pieces=pieces,
         checked=checked_excitation(model, pieces),
         start=initial_state(model, pieces[0], start, place, law.loads(model.beam)),
+        from_rest=start == "equilibrium" or start == "impact",
         sample_rate=sample_rate,
         times=times,
     )

@@ -60,13 +60,19 @@ def expected_travel(
     start: State,
     place: PointLoad | None = TIP,
     further: Sequence[LineLoad] = (),
+    *,
+    from_rest: bool = False,
 ) -> float:
-    """Return the expected travel of a motion, relative to the length of the beam, from the excitations (k, 16)."""
+    """Return the expected travel of a motion, relative to the length of the beam, from the excitations (k, 16).
+
+    ``from_rest`` says that the start is the equilibrium under gravity and the first load.
+    """
     length = model.beam.length
     position, slope, velocity = excitations[:, :2], excitations[:, 2:NODE], excitations[0, NODE : 2 * NODE]
     travel = np.linalg.norm(position - position[0], axis=1).max()
     turn = np.abs(np.unwrap(np.arctan2(slope[:, 1], slope[:, 0])) - math.atan2(slope[0, 1], slope[0, 0])).max()
-    rest_positions, nodes = _rest(model, excitations[0], place, further), start.coordinates.reshape(-1, NODE)[:, :2]
+    nodes = start.coordinates.reshape(-1, NODE)[:, :2]
+    rest_positions = nodes if from_rest else _rest(model, excitations[0], place, further)
     distance = np.linalg.norm(nodes - rest_positions, axis=1).max()
     arms = nodes - position[0]
     spin = slope[0, 0] * velocity[3] - slope[0, 1] * velocity[2]

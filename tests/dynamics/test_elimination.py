@@ -40,7 +40,7 @@ def entries(model, name, *vectors):
 def test_solutions_are_those_of_the_dense_matrices(elements, more):
     """Solve with s^2 M + K."""
     model = Model(Beam.uniform(**BEAM, **more, elements=elements))
-    links, rest, N = Links(model, as_they_are), static_equilibrium(model), model.whole_of_free.full()
+    links, rest, N = Links(model, as_they_are, 0), static_equilibrium(model), model.whole_of_free.full()
     K = model.tangent_stiffness(rest.coordinates, model.properties).full()
     M = model.mass(model.properties).full()
 
@@ -52,7 +52,8 @@ def test_solutions_are_those_of_the_dense_matrices(elements, more):
     on_links = cs.MX.zeros(2 * VALUES, links.count)
     on_nodes = links.node_by_node(cs.MX(cs.DM(right @ RADAU.transform.T)))[:, 1:]
     no_turns = cs.MX(cs.DM(np.tile([[1.0], [0.0]], (VALUES // 2, links.count))))
-    columns = links.substitute(links.reduce(on_links, on_nodes, no_turns, outer), inner)
+    undamped = cs.MX(0, 3), cs.MX.zeros(3 * NODE, 3), (cs.MX(0, 1), cs.MX(0, links.count))
+    columns = links.substitute(links.reduce(on_links, on_nodes, no_turns, outer, *undamped), inner)
     solutions = cs.evalf(stage_by_stage(columns)).full()[model.first_moved - NODE]
 
     scale, right = model.free_scale, N.T @ right

@@ -16,7 +16,7 @@ from ancf_casadi import (
     natural_modes,
     simulate,
 )
-from ancf_casadi.dynamics.equations import Equations
+from ancf_casadi.dynamics.equations import Equations, shared_equations
 from ancf_casadi.dynamics.excitation import excitation_pieces
 from ancf_casadi.dynamics.radau import stepper as radau
 from ancf_casadi.dynamics.radau.collocation import Collocation, first_equal
@@ -97,13 +97,18 @@ def test_functions_serve_all_numbers_of_a_law_and_a_beam_but_no_other_law_mesh_a
         assert Collocation(Equations(Model(other), RayleighDamping(alpha=0.3))) in forms[len(laws) + 3 :]
 
 
+def clear_caches():
+    shared_equations.cache_clear()
+    first_equal.cache_clear()
+
+
 @pytest.mark.slow
 def test_a_run_with_the_functions_of_another_run_has_the_same_digits(uncompiled):
     model = Model(Beam.uniform(**BEAM, elements=3, tip_mass=1e-3, clamp_stiffness=0.5))
     settings = {"damping": RayleighDamping(0.3, 1e-3), "base": SWING, "duration": 0.2, "sample_rate": 50.0}
-    first_equal.cache_clear()
+    clear_caches()
     alone = simulate(model, **settings)
-    first_equal.cache_clear()
+    clear_caches()
     other = model.beam.with_(elastic_modulus=100e9, tip_mass=2e-3, clamp_stiffness=0.3)
     simulate(Model(other), **{**settings, "damping": RayleighDamping(0.1, 2e-3)})
     shared = simulate(model, **settings)

@@ -21,6 +21,7 @@ from ancf_casadi import (
     static_equilibrium,
 )
 from ancf_casadi.dynamics.base_motion import Piece
+from ancf_casadi.dynamics.equations import shared_equations
 from ancf_casadi.support import compilation
 
 AMPLITUDE, FREQUENCY = 20e-3, 1.85
@@ -83,8 +84,10 @@ def test_compiled_equations_give_the_motion_of_the_interpreted_ones_and_are_foun
     interpreted = simulate(model, **settings)
     assert not list(tmp_path.iterdir())
     monkeypatch.delenv("ANCF_CASADI_COMPILE", raising=False)
+    shared_equations.cache_clear()
     compiled = simulate(model, **settings)
     libraries = sorted(tmp_path.iterdir())
+    shared_equations.cache_clear()
     again = simulate(model, **settings)
     assert {library.suffix for library in libraries} == {".so"}
     assert sorted(tmp_path.iterdir()) == libraries
@@ -100,6 +103,7 @@ def test_a_compiler_that_does_not_work_is_done_without(paper_beam, monkeypatch, 
     monkeypatch.delenv("ANCF_CASADI_COMPILE", raising=False)
     monkeypatch.setenv("CC", "false")
     monkeypatch.setattr(compilation, "_failed", set())
+    shared_equations.cache_clear()
     with pytest.warns(UserWarning, match="false fails: exit code 1"):
         np.testing.assert_array_equal(simulate(Model(paper_beam(2)), **settings).tip, interpreted.tip)
 

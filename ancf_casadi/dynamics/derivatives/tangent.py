@@ -252,6 +252,7 @@ class Tangent:
         form, excitations = self.form, cs.reshape(u[self.layout["excitations"]], EXCITATION, STAGES)
         of_links = [form.links.ends(node, free) for free, node in motion]
         on_links, further = form.forces(of_links, all_nodes, excitations, balance, form.element_columns(balance))
+        further += balance.of_low_rank(excitations[2:NODE, :], all_nodes[1])
         return cs.vec(form.equations.model.of_free(further + form.links.sum_at_nodes(on_links)))
 
     def factors(self, entries: Array, step: RadauStep, modal_coefficients: Array) -> BandedFactors:

@@ -23,7 +23,8 @@ which the matrices were evaluated, and corrections are turned forth from there (
 Prediction.  The collocation polynomial of the last step is extrapolated in the logarithms of the beam's slopes: errors
 of the coordinates themselves would stretch the beam.
 
-Error.  The estimate is the embedded formula of order 3 of Hairer and Wanner, filtered by the real system.
+Error.  The estimate is the embedded formula of order 3 of Hairer and Wanner, filtered by the real system, and like it
+without the part of low rank, which would change it by less than 2 zeta.
 
 The virtual machine of CasADi takes longer for one operation on arrays than machine code for the forces of an element.
 All that belongs to a node is therefore done in a few compiled passes along the beam, on arrays with a column per link.
@@ -45,6 +46,7 @@ import casadi as cs
 import numpy as np
 import scipy.sparse.linalg
 
+from ancf_casadi.damping.law import rotate_pairs
 from ancf_casadi.dynamics.equations import Balance, Equations, map_elements
 from ancf_casadi.dynamics.excitation import EXCITATION
 from ancf_casadi.dynamics.placed_load import load_force, load_on_element
@@ -83,12 +85,16 @@ class Collocation:
     @cached_property
     def links(self) -> Links:
         """The links of the beam."""
-        return Links(self.equations.model, self.equations.make)
+        return Links(self.equations.model, self.equations.make, self.equations.projection.shape[1])
 
     @cached_property
     def columns(self) -> cs.Function:
-        """(parameters) -> properties and constants of the elements of the beam, one column per element and stage."""
-        return _function("columns", [self._symbols.parameters], [*self.element_columns(self._balance)])
+        """(parameters) -> properties and constants, one column per element and stage, and the ``Projection``."""
+        balance, model = self._balance, self.equations.model
+        along_x = rotate_pairs(balance.projection, model.beam.axis, (1.0, 0.0))
+        by_node = cs.horzcat(*map(cs.vec, cs.vertsplit(along_x, NODE)))
+        outputs = [*self.element_columns(balance), by_node[:, 0], by_node[:, 1:]]
+        return _function("columns", [self._symbols.parameters], outputs)
 
     def element_columns(self, balance: Balance) -> tuple[cs.MX, cs.MX]:
         """Return the outputs of ``columns``."""
@@ -105,9 +111,10 @@ class Collocation:
         Z is corrected by the last dW; the results are the next dW and the turns to the stages.
         """
         s = self._symbols
-        increments, turns, *motion = self._advance()
+        increments, turns, *motion, modal_velocities = self._advance()
         on_links, further = self._forces(motion, self._whole(motion))
-        corrections = self._solution(on_links, further[:, 1:], turns)
+        modal = cs.diag(self._balance.modal_coefficients) @ modal_velocities
+        corrections = self._solution(on_links, further[:, 1:], turns, modal)
         size = cs.norm_2(cs.vec(s.weights * corrections))
         return _function("stages", [*vars(s).values()], [corrections, increments, turns, size])
 
@@ -119,13 +126,11 @@ class Collocation:
         """
         s, a = self._symbols, cs.MX.sym("a", self.equations.free)
         nodes = cs.MX.sym("nodes", NODE * (STAGES + 1), self.links.count + 1)
-        increments, _, *motion = self._advance()
+        increments, _, *motion, _ = self._advance()
         all_nodes = self._whole(motion)
-        v, last, twice = self.links.places(s.v), RADAU.inverse[-1], RADAU.inverse[-1] @ RADAU.inverse
-        velocity = _combination(last, increments) / s.h
-        acceleration = (_combination(twice, increments) / s.h - last.sum() * v) / s.h
-        end = [s.q + self.links.free(increments[-NODE:, :]), *map(self.links.free, (velocity, acceleration))]
-        error = self._error(increments, v, self.links.places(a), motion, all_nodes)
+        *rates, deviation, deviation_rate = self.links.end(increments, s.v, a, s.h)
+        end = [s.q + self.links.free(increments[-NODE:, :]), *map(self.links.free, rates)]
+        error = self._error([deviation, deviation_rate], motion, all_nodes)
         size = math.sqrt(STAGES) * cs.norm_2(cs.vec(s.weights[:NODE, :] * error))
         outputs = [
             self.links.nodes(nodes[-NODE:, :], s.excitations[:NODE, :], motion[0]),
@@ -134,22 +139,17 @@ class Collocation:
         ]
         return _function("finish", [*vars(s).values(), a, nodes], outputs)
 
-    def _error(
-        self, increments: cs.MX, v: cs.MX, a: cs.MX, motion: Sequence[cs.MX], all_nodes: Sequence[cs.MX]
-    ) -> cs.MX:
-        """Return the estimated error (4, links), turned back, from Z, the first v and a (4, links), and the motion."""
-        s, equations, embedded = self._symbols, self.equations, RADAU.embedded
+    def _error(self, deviations: Sequence[cs.MX], motion: Sequence[cs.MX], all_nodes: Sequence[cs.MX]) -> cs.MX:
+        """Return the estimated error (4, links), turned back, from the embedded deviation and its rate (4, links)."""
+        s, equations = self._symbols, self.equations
         balance, real, root = self._balance, RADAU.gamma / s.h, equations.model.root
-        deviation = v / real + _combination(embedded, increments)
-        change = _combination(embedded @ RADAU.inverse, increments) / s.h - embedded.sum() * v
-        deviations = [deviation, real * deviation + a / real + change]
         columns = [x[-LINK:, root:] for x in motion[:2]]
         columns += [self.links.both(x)[:, root:] for x in deviations]
         numbers = s.properties[:, ::STAGES], s.constants[:, ::STAGES]
         (force,) = map_elements(equations.element("resistance", 0), *columns, *numbers)
         e, e_t, *_ = (x[:, -1] for x in all_nodes)
         u, w = (cs.vertcat(cs.MX.zeros(NODE), cs.vec(x)) for x in deviations)
-        further = balance.of_low_rank(s.excitations[2:NODE, -1], u)
+        further = cs.MX(*u.shape)
         if self._others:
             (by_element,) = equations.map_elements("resistance", balance, e, e_t, u, w, groups=self._others)
             further += equations.model.sum_at_nodes(by_element, self._others.values())
@@ -158,7 +158,8 @@ class Collocation:
         forces = cs.sparsify(cs.DM(np.kron(at_stages, np.eye(LINK)))) @ (real * force)
         on_links = cs.horzcat(cs.MX(LINK * STAGES, root), forces) if root else forces
         on_nodes = self.links.node_by_node(real * further @ cs.DM(at_stages).T)[:, 1:]
-        return self._solution(on_links, on_nodes, self.links.last_turns(s.turns))[:NODE, :]
+        modal = cs.MX.zeros(self.links.modes, STAGES)
+        return self._solution(on_links, on_nodes, self.links.last_turns(s.turns), modal)[:NODE, :]
 
     @cached_property
     def factors(self) -> cs.Function:
@@ -218,10 +219,11 @@ class Collocation:
         return self.equations.balance(self._symbols.parameters)
 
     def _advance(self) -> list[cs.MX]:
-        """Return Z minus T dW, turned forth, the turns to the stages, and the motion of the links there."""
+        """Return Z minus T dW, turned forth, and turns, motion of the links and modal velocities at the stages."""
         s = self._symbols
         base = s.excitations[: 3 * NODE, :]
-        return self.links.advance(s.corrections, s.turns, s.increments, s.q, s.v, s.h, base, s.reference)
+        projection = s.base_projection, s.projection
+        return self.links.advance(s.corrections, s.turns, s.increments, s.q, s.v, s.h, base, s.reference, projection)
 
     def _whole(self, motion: Sequence[cs.MX]) -> list[cs.MX]:
         """Return e, e_t and e_tt (4 n + 4, 3) at the stages from those of the links (24, links)."""
@@ -244,16 +246,14 @@ class Collocation:
     ) -> tuple[cs.MX, cs.MX]:
         """Return the forces on both nodes of each link (24, links), and others on all nodes (4 n + 4, 3).
 
+        Both are without the low-rank part of the damping.
         ``motion`` are e, e_t and e_tt of the links (24, links) at the stages, and ``all_nodes`` those of all nodes.
         """
         equations, model, root = self.equations, self.equations.model, self.equations.model.root
         load = excitations[3 * NODE :, :]
         coordinates = [cs.reshape(x[:, root:] if root else x, LINK, -1) for x in motion]
         (forces,) = map_elements(equations.element("balance", 0), *coordinates, *columns)
-        forces, further = (
-            cs.reshape(forces, LINK * STAGES, -1),
-            balance.of_low_rank(excitations[2:NODE, :], all_nodes[1]),
-        )
+        forces, further = cs.reshape(forces, LINK * STAGES, -1), cs.MX(model.size, STAGES)
         if place := equations.place:
             index, _ = model.place_at(place.place(model.beam))
             at_load = cs.reshape(motion[0][:, index + root], LINK, STAGES)
@@ -265,10 +265,11 @@ class Collocation:
             further += model.sum_at_nodes(by_element, self._others.values())
         return cs.horzcat(cs.MX(LINK * STAGES, root), forces) if root else forces, further
 
-    def _solution(self, on_links: cs.MX, further: cs.MX, turns: cs.MX) -> cs.MX:
-        """Return the solution dW for forces on the links and further ones on their second nodes."""
+    def _solution(self, on_links: cs.MX, further: cs.MX, turns: cs.MX, modal: cs.MX) -> cs.MX:
+        """Return the solution dW for forces on the links, on their second nodes, and on the modes."""
         s, links = self._symbols, self.links
-        return links.substitute(links.reduce(on_links, further, turns, s.outer), s.inner)
+        base, projection = s.excitations[: 3 * NODE, :], (s.base_projection, s.projection)
+        return links.substitute(links.reduce(on_links, further, turns, s.outer, modal, base, projection), s.inner)
 
     @cached_property
     def _symbols(self) -> SimpleNamespace:
@@ -287,6 +288,8 @@ class Collocation:
             parameters=cs.MX.sym("parameters", self.equations.parameters.size),
             properties=cs.MX.sym("properties", model.groups[0].element.elastic_force.size1_in(1), STAGES * elements),
             constants=cs.MX.sym("constants", constants, STAGES * elements),
+            base_projection=cs.MX.sym("B_0", NODE * self.links.modes),
+            projection=cs.MX.sym("B", NODE * self.links.modes, links),
             outer=cs.MX.sym("outer", 3 * BLOCK, links),
             inner=cs.MX.sym("inner", 6 * BLOCK, links),
             weights=cs.MX.sym("weights", VALUES, links),
@@ -304,14 +307,15 @@ class Collocation:
 
 
 @lru_cache(8)
+def shared_form(equations: Equations) -> Collocation:
+    """Return the Functions of a step, those of an earlier run under the same forces if there was one."""
+    return first_equal(Collocation(equations))
+
+
+@lru_cache(8)
 def first_equal(form: Collocation) -> Collocation:
     """Return the same Functions of an earlier run, if there are any, which spares the time to derive them again."""
     return form
-
-
-def _combination(weights: Array, columns: cs.MX) -> cs.MX:
-    """Return the weighted sums (4, links) of the values at the stages (12, links)."""
-    return cs.sparsify(cs.DM(np.kron(weights, np.eye(NODE)))) @ columns
 
 
 def _lagrange(nodes: Array, x: cs.SX) -> list[cs.SX]:

@@ -23,6 +23,10 @@ angles do not stretch the beam.
 A beam that supports hold beyond its beginning turns little.  Corrections that turn with it would violate these
 supports; there X is 1, and the coordinates themselves are extrapolated.
 
+Modal damping.  With the rows B_k of a node, as they are if the clamp points along x, and R of the clamp at a stage, the
+pass to the tip adds up the modal velocities w = sum_k B_k^T R^T v_k, and the pass to the base adds the forces
+R B_k diag(d) w.  These Functions depend on the number m of modes.
+
 Supports.  The rows of N and G of a node, e = N q + G b, are a column of 32 numbers: the free coordinates of the node
 have places among its four, so that its part of N is a 4x4 matrix.  Elements whose nodes are all free do without them.
 """
@@ -47,27 +51,33 @@ VALUES = NODE * STAGES  # numbers of a node at all stages
 
 
 @lru_cache
-def link_function(name: str, kind: Kind) -> cs.Function:
-    """Derive a Function of one link: (carried, columns, shared) -> carried, results."""
+def link_function(name: str, kind: Kind, modes: int) -> cs.Function:
+    """Derive a Function of one link under the damping of m modes: (carried, columns, shared) -> carried, results."""
     if name == "eliminate":
         return elimination.eliminate()
     if name == "substitute":
         carried, f, inner = _columns(VALUES, VALUES, 6 * BLOCK)
         x = cs.vec(elimination.substitute(_of_stages(f), inner, _of_stages(carried)))
         return _function(name, "element", [carried, f, inner], [x, x])
-    return {"advance": _advance, "reduce": _reduce, "extrapolate": _extrapolate}[name](kind)
+    if name == "extrapolate":
+        return _extrapolate(kind)
+    return {"advance": _advance, "reduce": _reduce}[name](kind, modes)
 
 
-def _advance(kind: Kind) -> cs.Function:
+def _advance(kind: Kind, modes: int) -> cs.Function:
     """Derive the Function of ``Links.advance``.
 
-    The carried values belong to the first node: its corrections before and after turning, its motion at the stages, and
-    its coordinates in the reference.
+    The carried values belong to the first node: its corrections before and after turning, its motion at the stages, its
+    coordinates in the reference, and the modal velocities up to there.
     """
-    carried, h, base = cs.SX.sym("carried", 5 * VALUES + NODE), cs.SX.sym("h"), cs.SX.sym("base", 3 * VALUES)
-    w, turns, z, q, v, reference, l, supports = _columns(VALUES, VALUES, VALUES, NODE, NODE, NODE, 1, 2 * BLOCK)
-    before, turned_before = (_of_stages(x) for x in cs.vertsplit(carried[: 2 * VALUES], VALUES))
-    motion_before = cs.vertsplit(cs.reshape(carried[2 * VALUES : -NODE], VALUES, STAGES), NODE)
+    sizes = VALUES, VALUES, 3 * VALUES, NODE, STAGES * modes
+    carried, h = cs.SX.sym("carried", sum(sizes)), cs.SX.sym("h")
+    w, turns, z, q, v, reference, B = _columns(VALUES, VALUES, VALUES, NODE, NODE, NODE, NODE * modes)
+    l, supports, base = _columns(1, 2 * BLOCK, 3 * VALUES)
+    parts = cs.vertsplit(carried, np.cumsum([0, *sizes]).tolist())
+    *corrections_before, of_motion, reference_before, modal_before = parts
+    before, turned_before = map(_of_stages, corrections_before)
+    motion_before = cs.vertsplit(cs.reshape(of_motion, VALUES, STAGES), NODE)
     N, G = _support_matrices(supports)
     link = _Link.of(kind, l)
 
@@ -90,27 +100,48 @@ def _advance(kind: Kind) -> cs.Function:
     motion_of_both = [cs.vertcat(first, second) for first, second in zip(motion_before, motion, strict=True)]
     angles = turns
     if link:
-        start = link.directions(cs.vertcat(carried[-NODE:], reference))
+        start = link.directions(cs.vertcat(reference_before, reference))
         angles = cs.vertcat(*(_angles(start, stage) for stage in cs.horzsplit(link.directions(motion_of_both[0]))))
-    passed = cs.vertcat(*map(cs.vec, (corrections, turned, cs.vertcat(*motion))), reference)
-    inputs = [carried, w, turns, z, q, v, reference, l, *([] if kind == "element" else [supports]), h, base]
-    return _function("advance", kind, inputs, [passed, cs.vec(increments), angles, *map(cs.vec, motion_of_both)])
+    modal = modal_before + cs.vec(_modal_velocities(B, motion[1], base))
+    passed = cs.vertcat(*map(cs.vec, (corrections, turned, cs.vertcat(*motion))), reference, modal)
+    inputs = [carried, w, turns, z, q, v, reference, B, l, *([] if kind == "element" else [supports]), h, base]
+    return _function("advance", kind, inputs, [passed, cs.vec(increments), angles, *map(cs.vec, motion_of_both), modal])
 
 
-def _reduce(kind: Kind) -> cs.Function:
+@lru_cache
+def modal_velocities_of_base(modes: int) -> cs.Function:
+    """Derive the Function (B_0, motion of the base) -> its part of the modal velocities at the stages (3 m,)."""
+    B, base = _columns(NODE * modes, 3 * VALUES)
+    velocity = cs.reshape(base, 3 * NODE, STAGES)[NODE : 2 * NODE, :]
+    return cs.Function("modal_velocities", [B, base], [cs.densify(cs.vec(_modal_velocities(B, velocity, base)))])
+
+
+def _modal_velocities(B: cs.SX, velocity: cs.SX, base: cs.SX) -> cs.SX:
+    """Return B_k^T R^T v_k (m, 3)."""
+    return cs.reshape(B, NODE, -1).T @ _turn(velocity, _clamp_turn(base), -1.0)
+
+
+def _clamp_turn(base: cs.SX) -> cs.SX:
+    """Return cosine and sine of the clamp for both pairs of a node at the stages (4, 3)."""
+    return cs.repmat(cs.reshape(base, 3 * NODE, STAGES)[2:NODE, :], 2, 1)
+
+
+def _reduce(kind: Kind, modes: int) -> cs.Function:
     """Derive the Function of ``Links.reduce``.
 
     The carried values come from beyond the second node: the forces of the next link on it, the sum of all forces behind
     it, its turned residual from the next link, and the eliminated residuals of the next node.
     """
-    carried = cs.SX.sym("carried", 4 * VALUES)
-    forces, further, turns, outer, l, supports = _columns(2 * VALUES, VALUES, VALUES, 3 * BLOCK, 1, 2 * BLOCK)
+    carried, modal = cs.SX.sym("carried", 4 * VALUES), cs.SX.sym("modal", modes, STAGES)
+    forces, further, turns, outer, B = _columns(2 * VALUES, VALUES, VALUES, 3 * BLOCK, NODE * modes)
+    l, supports, base = _columns(1, 2 * BLOCK, 3 * VALUES)
     beyond, total, turned, eliminated = (_of_stages(x) for x in cs.vertsplit(carried, VALUES))
     N, _ = _support_matrices(supports)
     link = _Link.of(kind, l)
 
     on_link, before = cs.reshape(forces, LINK, STAGES), cs.SX.zeros(NODE, STAGES)
     residuals = on_link[NODE:, :] + _of_stages(further) + beyond
+    residuals += _turn(cs.reshape(B, NODE, modes) @ modal, _clamp_turn(base), 1.0)
     if link:
         total += residuals
         before, residuals = cs.vertsplit(link.back(total, turns), NODE)
@@ -119,8 +150,8 @@ def _reduce(kind: Kind) -> cs.Function:
         residuals = N.T @ residuals
     solved = elimination.reduce(residuals @ cs.DM(np.linalg.inv(RADAU.transform)).T, outer, eliminated)
     passed = cs.vertcat(*map(cs.vec, (on_link[:NODE, :], total, before, solved)))
-    inputs = [carried, forces, further, turns, outer, l, *([] if kind == "element" else [supports])]
-    return _function("reduce", kind, inputs, [passed, cs.vec(solved)])
+    columns = [forces, further, turns, outer, B, l, *([] if kind == "element" else [supports])]
+    return _function("reduce", kind, [carried, *columns, cs.vec(modal), base], [passed, cs.vec(solved)])
 
 
 def _extrapolate(kind: Kind) -> cs.Function:
@@ -147,6 +178,18 @@ def _extrapolate(kind: Kind) -> cs.Function:
     passed = cs.vertcat(motion, cs.vec(continued))
     inputs = [carried, motion, l, *([] if kind == "element" else [supports]), cs.vec(weights), base]
     return _function("extrapolate", kind, inputs, [passed, cs.vec(increments)])
+
+
+def end() -> cs.Function:
+    """Derive the Function of ``Links.end`` for one link."""
+    z, v, a, h = _columns(VALUES, NODE, NODE, 1)
+    increments, inverse, embedded = _of_stages(z).T, cs.DM(RADAU.inverse), cs.DM(RADAU.embedded).T
+    velocities = inverse @ increments / h
+    last, real = inverse[-1, :], RADAU.gamma / h
+    acceleration = (last @ velocities).T / h - cs.sum2(last) * v / h
+    deviation = v / real + (embedded @ increments).T
+    rate = real * deviation + a / real + (embedded @ velocities).T - cs.sum2(embedded) * v
+    return cs.Function("end", [z, v, a, h], [velocities[-1, :].T, acceleration, deviation, rate], {"cse": True})
 
 
 @dataclass(frozen=True)

@@ -16,13 +16,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import casadi as cs
 import numpy as np
 
-from ancf_casadi.dynamics.equations import ELEMENTS_PER_CALL, Make
+from ancf_casadi.dynamics.equations import ELEMENTS_PER_CALL, Make, map_elements, side_by_side
 from ancf_casadi.dynamics.radau.elimination import BLOCK, LINK
-from ancf_casadi.dynamics.radau.link import VALUES, Kind, link_function
+from ancf_casadi.dynamics.radau.link import VALUES, Kind, end, link_function, modal_velocities_of_base
 from ancf_casadi.dynamics.radau.tableau import STAGES
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.mechanics.nodes import NODE
@@ -30,15 +31,18 @@ from ancf_casadi.support.arrays import Index
 
 TO_BASE = ("eliminate", "reduce")  # passes from the tip to the base
 ALIKE = ("eliminate", "substitute")  # passes that are the same along links of all kinds
-SHARED = {"advance": 2, "reduce": 0, "substitute": 0, "eliminate": 1, "extrapolate": 2}  # last inputs that links share
+# the rows B_k of the modal law, turned back to a clamp along x: of the base, (4 m,), and of the links, (4 m, links)
+Projection = tuple[cs.MX, cs.MX]
+SHARED = {"advance": 2, "reduce": 2, "substitute": 0, "eliminate": 1, "extrapolate": 2}  # last inputs that links share
 
 
 @dataclass(frozen=True, eq=False)
 class Links:
-    """The links of a beam, and the passes along them."""
+    """The links of a beam, and the passes along them, under the damping of a number of modes."""
 
     model: Model
     make: Make
+    modes: int
 
     @property
     def count(self) -> int:
@@ -77,23 +81,36 @@ class Links:
         return self.model.of_free(cs.vertcat(cs.MX(NODE, 1), cs.vec(places)))
 
     def advance(self, corrections: cs.MX, turns: cs.MX, increments: cs.MX, q: cs.MX, v: cs.MX, h: cs.MX,
-                 base: cs.MX, reference: cs.MX) -> list[cs.MX]:  # fmt: skip
-        """Return increments, turns, and coordinates, velocities and accelerations of both nodes at each stage.
+                 base: cs.MX, reference: cs.MX, projection: Projection) -> list[cs.MX]:  # fmt: skip
+        """Return increments, turns, coordinates, velocities and accelerations of both nodes, and modal velocities.
 
-        The last three are (24, links).  ``base`` (12, 3) is the motion of the base at the stages, and ``reference``
-        (4, nodes) the configuration of the matrices.
+        The motion of both nodes at each stage is (24, links), the modal velocities are (m, 3).  ``base`` (12, 3) is the
+        motion of the base at the stages, and ``reference`` (4, nodes) the configuration of the matrices.
         """
-        columns = [corrections, turns, increments, self.places(q), self.places(v), reference[:, 1:]]
-        first = cs.vertcat(cs.MX.zeros(2 * VALUES), cs.vec(base), reference[:, 0])
-        return self._pass("advance", first, columns, [h, cs.vec(base)])
+        of_base, of_links = projection
+        columns = [corrections, turns, increments, self.places(q), self.places(v), reference[:, 1:], of_links]
+        velocities_of_base = modal_velocities_of_base(self.modes)(of_base, cs.vec(base))
+        first = cs.vertcat(cs.MX.zeros(2 * VALUES), cs.vec(base), reference[:, 0], velocities_of_base)
+        *motion, modal = self._pass("advance", first, columns, [h, cs.vec(base)])
+        return [*motion, cs.reshape(modal[:, -1], self.modes, STAGES)]
 
-    def reduce(self, forces: cs.MX, further: cs.MX, turns: cs.MX, outer: cs.MX) -> cs.MX:
+    def reduce(
+        self,
+        forces: cs.MX,
+        further: cs.MX,
+        turns: cs.MX,
+        outer: cs.MX,
+        modal: cs.MX,
+        base: cs.MX,
+        projection: Projection,
+    ) -> cs.MX:
         """Return the eliminated residuals (12, links), real, then complex numbers of each node.
 
-        ``forces`` (24, links) act on both nodes of a link, ``further`` (12, links) on the second, at all stages.
+        ``forces`` (24, links) act on both nodes of a link, ``further`` (12, links) on the second, and ``modal`` (m, 3)
+        on the modes, at all stages.
         """
-        columns = forces, further, turns, outer
-        return self._pass("reduce", cs.MX.zeros(4 * VALUES), columns)[0]
+        columns = forces, further, turns, outer, projection[1]
+        return self._pass("reduce", cs.MX.zeros(4 * VALUES), columns, [cs.vec(modal), cs.vec(base)])[0]
 
     def substitute(self, eliminated: cs.MX, inner: cs.MX) -> cs.MX:
         """Return the solution (12, links) of the real and the complex system."""
@@ -112,6 +129,14 @@ class Links:
         """
         first = cs.vertcat(motion[:, 0], cs.vec(base[:NODE, :]))
         return self._pass("extrapolate", first, [motion[:, 1:]], [cs.vec(weights), cs.vec(base)])[0]
+
+    def end(self, increments: cs.MX, v: cs.MX, a: cs.MX, h: cs.MX) -> list[cs.MX]:
+        """Return velocities and accelerations at the end of a step, and the embedded deviation and its rate.
+
+        All are (4, links), from Z and from v and a (N,) at the start.
+        """
+        columns = increments, self.places(v), self.places(a), cs.repmat(h, 1, self.count)
+        return map_elements(self._functions["end"], *columns)
 
     def matrices(self, entries: cs.MX, unit: float = 0.0) -> cs.MX:
         """Return the matrices of the links as columns (64, links), which add up to N^T A N at four places per node.
@@ -185,6 +210,8 @@ class Links:
 
     def node_by_node(self, values: cs.MX) -> cs.MX:
         """Return columns (12, nodes) from values at some nodes, (4 nodes, 3)."""
+        if not values.nnz():
+            return cs.MX.zeros(VALUES, values.size1() // NODE)
         return _pick(values, np.argsort(_stage_order(values.size1() // NODE)), VALUES)
 
     def _pass(self, name: str, carried: cs.MX, columns: Sequence[cs.MX], shared: Sequence[cs.MX] = ()) -> list[cs.MX]:
@@ -195,9 +222,9 @@ class Links:
         for kind, links in segments[::-1] if back else segments:
             along = [x[:, links] if root else x for x in columns]
             mesh = [] if name in ALIKE else [self._lengths, *([] if kind == "element" else [self._supports])]
-            mesh_columns = [cs.MX(x[:, links]) for x in mesh]
+            mesh_columns = [x[:, links] for x in mesh]
             if kind == "base":
-                carried, *results = link_function(name, kind)(carried, *along, *mesh_columns, *shared)
+                carried, *results = link_function(name, kind, self.modes)(carried, *along, *mesh_columns, *shared)
             else:
                 carried, *results = self._along(name, carried, along, mesh_columns, shared)
             by_segment.append(results)
@@ -209,7 +236,7 @@ class Links:
         name: str,
         carried: cs.MX,
         columns: Sequence[cs.MX],
-        mesh_columns: Sequence[cs.MX],
+        mesh_columns: Sequence[Any],
         shared: Sequence[cs.MX],
     ) -> list[cs.MX]:
         """Evaluate a compiled Function for all links of a segment, and return what it carries, and its results.
@@ -240,9 +267,10 @@ class Links:
     @cached_property
     def _functions(self) -> dict[str, cs.Function]:
         """The compiled Functions of ``ELEMENTS_PER_CALL`` links, by name."""
-        links = {name: link_function(name, "element" if name in ALIKE else self.kind) for name in SHARED}
+        links = {name: link_function(name, "element" if name in ALIKE else self.kind, self.modes) for name in SHARED}
         chained = [_chain(links[name], shared, back=name in TO_BASE) for name, shared in SHARED.items()]
-        return dict(zip(SHARED, self.make(chained), strict=True))
+        alone = side_by_side(end(), is_diff_in=[False] * 4)
+        return dict(zip([*SHARED, "end"], self.make([*chained, alone]), strict=True))
 
 
 def _chain(link: cs.Function, shared: int, *, back: bool) -> cs.Function:

@@ -36,8 +36,8 @@ from ancf_casadi import (
     simulate,
     static_equilibrium,
 )
+from ancf_casadi.dynamics.motion_setup import set_up
 from ancf_casadi.dynamics.simulation import Method
-from ancf_casadi.dynamics.start import set_up
 from ancf_casadi.dynamics.tolerance import default_tolerance
 from benchmarks.beams import BENDING_STIFFNESS, DAMPING_RATIOS, steel
 from benchmarks.clock import processor_time

@@ -1,10 +1,10 @@
 """Simulation of the large motion of a beam.
 
-``simulate`` checks its arguments, sets up the motion (``start``), integrates it piece by piece of the excitation and
-segment by segment, and collects the solution.  In every motion that was measured, under every law, Radau
-reaches the wanted accuracy at a smaller cost than IDAS (``docs/accuracy.md``): it damps the vibrations of the mesh that
-its steps do not resolve, while IDAS resolves all of them, however small.  If there is a C compiler, the forces of an
-element are compiled, which does not change any digit of the result.
+``simulate`` sets up the motion (``motion_setup``), integrates it piece by piece of the excitation and segment by
+segment, and collects the solution.  In every motion that was measured, under every law, Radau reaches the wanted
+accuracy at a smaller cost than IDAS (``docs/accuracy.md``): it damps the vibrations of the mesh that its steps do not
+resolve, while IDAS resolves all of them, however small.  If there is a C compiler, the forces of an element are
+compiled, which does not change any digit of the result.
 
 The power lost to damping is e_t . Q_damp.  It is never negative under the laws of the toolkit, with one exception:
 damping by the tangent stiffness K loses beta e_t^T K e_t, which is negative if K is indefinite in the direction of
@@ -29,24 +29,24 @@ from ancf_casadi.dynamics.base_motion import BaseMotion
 from ancf_casadi.dynamics.dense_output import DenseMotion, SegmentSolution
 from ancf_casadi.dynamics.excitation import divide
 from ancf_casadi.dynamics.idas import integrate_by_idas
+from ancf_casadi.dynamics.motion_setup import MotionSetup, set_up
 from ancf_casadi.dynamics.radau.collocation import shared_form
 from ancf_casadi.dynamics.radau.stepper import integrate_by_radau
-from ancf_casadi.dynamics.start import MotionSetup, Start, set_up
+from ancf_casadi.dynamics.start import Start
 from ancf_casadi.dynamics.tip_load import TipLoad
 from ancf_casadi.dynamics.tolerance import default_tolerance
 from ancf_casadi.dynamics.trajectory import IntegratorUse, Trajectory
 from ancf_casadi.exceptions import InputError, SimulationError
+from ancf_casadi.mechanics.mesh_limits import bends_allowed, warn_of_overbent_elements, warn_of_short_elements
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.mechanics.state import State
-from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.compilation import compile_together
 from ancf_casadi.support.inputs import check_instance, choice, flag, physical, positive_or_infinite, whole
 from ancf_casadi.support.interrupts import noted_interrupts
-from ancf_casadi.vibration.equilibrium import Equilibrium, bends_allowed, warn_of_overbent_elements
+from ancf_casadi.vibration.equilibrium import Equilibrium
 
 Method = Literal["auto", "idas", "radau"]
 
-SHORTEST_PER_BEND = 0.9  # thicknesses per rad; an arc of shorter elements is unstable (docs/theory.md)
 SEGMENTS = 25  # per piece of the excitation; a restart of IDAS costs about a hundred small steps
 TIME_BAR = "{l_bar}{bar}| {n:.2f}/{total:.2f} s [{elapsed}<{remaining}]"
 
@@ -96,7 +96,7 @@ def simulate(
         IDAS if ``options`` are given; ``integrators`` of the result tells.
     tolerance : float, optional
         Local error of the positions relative to the length of the beam, and of the slopes relative to 1/2.  The default
-        depends on the expected motion (``ancf_casadi.dynamics.start``).
+        depends on the expected motion (``ancf_casadi.dynamics.tolerance``).
     largest_step : float
         Largest step, s.  Limit the step if the base motion has short events.  Even steps also follow a steady vibration
         better than the tolerance alone.
@@ -180,7 +180,7 @@ def simulate(
     run = replace(_trajectory(setup, use, done, began), interrupted=interrupted)
     _warn_of_energy_gain(run, setup.equations.law)
     coordinates = np.concatenate([solution.steps.ends[:, 0] for solution in done if solution.steps is not None])
-    _warn_of_short_elements(model, coordinates)
+    warn_of_short_elements(model, coordinates)
     warn_of_overbent_elements(model, coordinates)
     return run
 
@@ -247,22 +247,5 @@ def _warn_of_energy_gain(run: Trajectory, law: DampingLaw) -> None:
         f"damping added {gained[end]:.2g} J to the motion from {run.time[begin]:g} s to {run.time[end]:g} s: the "
         "tangent stiffness is indefinite there, as in a beam that buckles; use RayleighDamping(..., "
         "stiffness='strain-rate'), which never adds energy",
-        stacklevel=3,
-    )
-
-
-def _warn_of_short_elements(model: Model, coordinates: Array) -> None:
-    """Warn if the lengths of the slopes may alternate along a bent beam, which two axial Gauss points hardly resist."""
-    if model.measures.axial_points > 2:
-        return
-    sums = np.insert(np.cumsum(-np.diff(model.end_angles(coordinates))[..., 0], axis=1), 0, 0.0, axis=1)
-    bent = float(np.ptp(sums, axis=1).max())
-    shortest = float((model.beam.element_lengths / model.beam.thickness).min())
-    shortest_allowed = SHORTEST_PER_BEND * bent
-    if shortest >= shortest_allowed:
-        return
-    warnings.warn(
-        f"the beam bends by {bent:.2g} rad, and its shortest element is {shortest:.2g} thicknesses long: below "
-        f"{shortest_allowed:.2g} the motion may be wrong; use fewer elements, or StrainMeasures(axial_points=3)",
         stacklevel=3,
     )

@@ -1,6 +1,4 @@
-"""Setup of a motion: excitation, samples and initial state.
-
-``set_up`` makes the checks and the setup that ``simulate`` and ``motion`` share.
+"""Initial state of a motion.
 
 At the start, a beam at rest under gravity, a flow and the load at its tip at this instant, or straight as
 manufactured, moves with its clamp as one rigid body.  With the velocity v_0 of the clamp and its angular velocity w,
@@ -16,125 +14,32 @@ from __future__ import annotations
 import math
 import warnings
 from collections.abc import Sequence
-from dataclasses import dataclass
-from functools import cached_property
-from types import NoneType
 from typing import Literal, get_args
 
 import casadi as cs
 import numpy as np
 
-from ancf_casadi.damping import DampingLaw, RayleighDamping
 from ancf_casadi.dynamics.base_motion import BaseMotion, FixedBase
-from ancf_casadi.dynamics.equations import Equations, Make, as_they_are, shared_equations
-from ancf_casadi.dynamics.excitation import SAME_TIME, Excitation, excitation_pieces
+from ancf_casadi.dynamics.excitation import Excitation
 from ancf_casadi.dynamics.placed_load import TIP, equilibrium_under
-from ancf_casadi.dynamics.tip_load import TipLoad
-from ancf_casadi.dynamics.tolerance import check_speed, checked_excitation, expected_travel
+from ancf_casadi.dynamics.tolerance import check_speed
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.loads import LineLoad, PointLoad
+from ancf_casadi.mechanics.mesh_limits import short_elements_advice
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.mechanics.nodes import NODE
 from ancf_casadi.mechanics.state import State
 from ancf_casadi.mechanics.strain import axial_strain
 from ancf_casadi.support.arrays import Array
-from ancf_casadi.support.inputs import check_instance, is_choice, physical, shown
-from ancf_casadi.vibration.equilibrium import Equilibrium, short_elements_advice
+from ancf_casadi.support.inputs import is_choice, shown
+from ancf_casadi.vibration.equilibrium import Equilibrium
 
 Start = Literal["equilibrium", "straight", "impact"]
 
-MOST_TRAJECTORY_SAMPLES = 2e6  # coordinates and velocities take 2.7 GB at 20 elements
 ROUNDED_STRAIN = 1e-12  # strain that rounding of the coordinates may cause
 START_TOLERANCE = 1e-6  # deviation of a state from its base, relative to length, unit slope and largest velocity
 LOAD_NAMES = ("force_x", "force_y", "moment")  # N, N, N m
 START_LOAD_NAMES = (*LOAD_NAMES, *(f"{name}_rate" for name in LOAD_NAMES))
-
-
-@dataclass(frozen=True, eq=False)
-class MotionSetup:
-    """Setup of a motion."""
-
-    equations: Equations
-    base: BaseMotion
-    load: TipLoad | None
-    pieces: Sequence[Excitation]  # smooth pieces of base and load, from the first to the last sample
-    checked: tuple[Array, Array]  # instants throughout the motion (k,), s, and the excitation there (k, 16)
-    start: State  # the initial state
-    from_rest: bool  # whether this is an equilibrium under gravity, a flow and the first load
-    sample_rate: float  # 1/s
-    times: Array  # the samples (k,), s
-
-    @cached_property
-    def travel(self) -> float:
-        """The expected travel, relative to the length of the beam."""
-        equations = self.equations
-        flow = equations.law.loads(equations.model.beam)
-        return expected_travel(
-            equations.model, *self.checked, self.start, equations.place, flow, from_rest=self.from_rest
-        )
-
-
-def set_up(
-    model: Model,
-    *,
-    duration: float,
-    damping: DampingLaw | None,
-    base: BaseMotion | None,
-    load: TipLoad | None,
-    sample_rate: float,
-    start: Start | Equilibrium | State,
-    make: Make = as_they_are,
-) -> MotionSetup:
-    """Check the arguments, those of ``simulate``, and return the setup of the motion; ``make`` as of ``Equations``."""
-    check_instance(model, "model", Model)
-    check_instance(damping, "damping", DampingLaw, NoneType)
-    check_instance(base, "base", BaseMotion, NoneType)
-    check_instance(load, "load", TipLoad, NoneType)
-    check_instance(start, "start", str, Equilibrium, State)
-    duration, sample_rate = physical(duration, "duration"), physical(sample_rate, "sample_rate")
-    base = _fixed_base(model, start) if base is None else base
-    load = None if load is None else load.along(model.beam)
-    law, place = RayleighDamping() if damping is None else damping, TIP if load is None else load.place
-    equations = shared_equations(model, law, make, place)
-    times = _sample_times(duration, sample_rate, start.time if isinstance(start, State) else 0.0)
-    begin, end = float(times[0]), float(times[-1])
-    if load is not None and load.begin >= end:
-        raise InputError(
-            f"begins at {load.begin:g} s, after the end of the motion at {end:g} s; its times are those of the motion",
-            "load",
-        )
-    pieces = excitation_pieces(model, base, load, begin, end)
-    return MotionSetup(
-        equations=equations,
-        base=base,
-        load=load,
-        pieces=pieces,
-        checked=checked_excitation(model, pieces),
-        start=initial_state(model, pieces[0], start, place, law.loads(model.beam)),
-        from_rest=start == "equilibrium" or start == "impact",
-        sample_rate=sample_rate,
-        times=times,
-    )
-
-
-def _sample_times(duration: float, sample_rate: float, origin: float) -> Array:
-    """Return the instants of the samples, s, from ``origin`` on."""
-    if duration * sample_rate > MOST_TRAJECTORY_SAMPLES:
-        raise InputError(
-            f"{duration * sample_rate:.3g} samples are more than {MOST_TRAJECTORY_SAMPLES:.0e}", "sample_rate"
-        )
-    times = origin + np.arange(math.floor(duration * sample_rate + SAME_TIME) + 1) / sample_rate
-    if len(times) < 2:
-        raise InputError(f"must be at least one sampling interval, {1 / sample_rate:g} s, got {duration:g}", "duration")
-    return times
-
-
-def _fixed_base(model: Model, start: Start | Equilibrium | State) -> BaseMotion:
-    """Return a clamp that is fixed at its place in a given state, or at the origin."""
-    if not isinstance(start, State) or start.coordinates.shape != (model.size,):
-        return FixedBase()
-    x, y, *_ = start.coordinates[:NODE].tolist()
-    return FixedBase((x, y), _rotation(model, start.coordinates))
 
 
 def initial_state(
@@ -171,6 +76,14 @@ def initial_state(
         return State(coordinates, np.zeros(model.size))
     moving = rigid_motion(model)(coordinates, velocity).full().ravel()
     return State(coordinates, model.whole(model.of_free(moving), velocity))
+
+
+def base_of_start(model: Model, start: Start | Equilibrium | State) -> BaseMotion:
+    """Return the clamp of a motion whose base is not given: fixed at its place in a state, or at the origin."""
+    if not isinstance(start, State) or start.coordinates.shape != (model.size,):
+        return FixedBase()
+    x, y, *_ = start.coordinates[:NODE].tolist()
+    return FixedBase((x, y), _rotation(model, start.coordinates))
 
 
 def check_clamp(model: Model, node: Array) -> None:

@@ -23,7 +23,8 @@ import numpy as np
 
 from ancf_casadi.dynamics.base_motion import BaseMotion
 from ancf_casadi.dynamics.excitation import SAME_TIME
-from ancf_casadi.dynamics.start import Start, set_up
+from ancf_casadi.dynamics.motion_setup import set_up
+from ancf_casadi.dynamics.start import Start
 from ancf_casadi.dynamics.trajectory import Motion
 from ancf_casadi.exceptions import InputError, SimulationError
 from ancf_casadi.mechanics.model import Model

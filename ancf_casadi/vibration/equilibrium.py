@@ -13,10 +13,6 @@ The last correction of Newton's method, too small to be added to the coordinates
 
 from __future__ import annotations
 
-import math
-import warnings
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from functools import cached_property
 from typing import Any
@@ -33,7 +29,6 @@ from ancf_casadi.support.tables import Reported, Table, plural
 from ancf_casadi.vibration.assembly import Position, Structure, solve_refined
 from ancf_casadi.vibration.eigensolver import eigenvalue_shift, is_definite, lowest_modes
 
-MAX_BEND = 0.5  # of an element, rad; the error of positions is then 3e-4 of the length, and grows steeply
 MAX_ROTATION = 0.5  # norm of the change of a slope vector in one load step; about the angle, rad
 
 
@@ -187,42 +182,3 @@ def neighbouring_equilibrium(
         if converged and rotation > MAX_ROTATION:
             return None
     return None
-
-
-def largest_bend(model: Model, coordinates: Array) -> float:
-    """Return the largest bend of an element in some coordinates (..., size), rad.
-
-    This is its turn, or more if the slopes at its ends are turned to the same side of the chord.
-    """
-    return float(np.abs(model.end_angles(coordinates)).sum(axis=-1).max(initial=0.0))
-
-
-def bend_advice(model: Model, bend: float) -> str:
-    """Return advice if an element bends by too much (rad); empty if none does."""
-    if not bend > MAX_BEND:
-        return ""
-    return (
-        f"an element bends by {bend:.2g} rad, more than the {MAX_BEND:g} rad that a cubic can follow; use "
-        f"{math.ceil(model.beam.elements * bend / MAX_BEND)} elements or more"
-    )
-
-
-def warn_of_overbent_elements(model: Model, coordinates: Array) -> None:
-    """Warn if an element bends too far in some coordinates (..., size)."""
-    if text := bend_advice(model, largest_bend(model, coordinates)):
-        warnings.warn(text, stacklevel=3)
-
-
-@contextmanager
-def bends_allowed() -> Iterator[None]:
-    """Suppress the warning of elements that bend too far, where the result of a computation states it once."""
-    with warnings.catch_warnings():
-        warnings.filterwarnings("ignore", "an element bends")
-        yield
-
-
-def short_elements_advice(model: Model) -> str:
-    """Return advice on elements so short that a bent beam is unstable (``docs/theory.md``); empty if none is."""
-    if model.measures.axial_points > 2 or model.beam.element_lengths.min() >= 1.5 * max(model.beam.thickness):
-        return ""
-    return "elements as short as the beam is thick are unstable in bending: use fewer"

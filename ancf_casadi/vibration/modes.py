@@ -28,6 +28,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ancf_casadi.exceptions import EquilibriumError, InputError
+from ancf_casadi.mechanics.mesh_limits import short_elements_advice, warn_of_overbent_elements
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.mechanics.nodes import NODE
 from ancf_casadi.mechanics.state import State
@@ -39,7 +40,7 @@ from ancf_casadi.support.interrupts import lasting_interrupts
 from ancf_casadi.support.tables import Reported, Table, plural, spread
 from ancf_casadi.vibration.assembly import Position
 from ancf_casadi.vibration.eigensolver import eigenvalue_rounding, lowest_modes
-from ancf_casadi.vibration.equilibrium import Equilibrium, short_elements_advice, warn_of_overbent_elements
+from ancf_casadi.vibration.equilibrium import Equilibrium
 from ancf_casadi.vibration.statics import static_equilibrium
 
 STATIONS = 101  # points along the beam at which shapes are given

@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 
 from ancf_casadi.exceptions import EquilibriumError, InputError
 from ancf_casadi.mechanics.loads import LineLoad, Load, PointLoad
+from ancf_casadi.mechanics.mesh_limits import warn_of_overbent_elements
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.mechanics.nodes import NODE
 from ancf_casadi.support.arrays import Array
@@ -41,7 +42,7 @@ from ancf_casadi.vibration.continuation import (
     null_shape,
 )
 from ancf_casadi.vibration.eigensolver import lowest_modes
-from ancf_casadi.vibration.equilibrium import Equilibrium, warn_of_overbent_elements
+from ancf_casadi.vibration.equilibrium import Equilibrium
 from ancf_casadi.vibration.statics import static_equilibrium
 
 

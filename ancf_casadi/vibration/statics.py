@@ -19,6 +19,7 @@ import numpy as np
 
 from ancf_casadi.exceptions import EquilibriumError, InputError
 from ancf_casadi.mechanics.loads import LineLoad, Load, PointLoad, loads_text
+from ancf_casadi.mechanics.mesh_limits import short_elements_advice, warn_of_overbent_elements
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.support.inputs import check_instance, check_size, instances, number, vector, whole
 from ancf_casadi.support.interrupts import lasting_interrupts
@@ -33,12 +34,7 @@ from ancf_casadi.vibration.continuation import (
     longest_step,
     null_shape,
 )
-from ancf_casadi.vibration.equilibrium import (
-    Equilibrium,
-    neighbouring_equilibrium,
-    short_elements_advice,
-    warn_of_overbent_elements,
-)
+from ancf_casadi.vibration.equilibrium import Equilibrium, neighbouring_equilibrium
 
 MAX_PATH_STEPS = 500  # along the path to a stable equilibrium; buckled, slack and hanging strips take 10 to 150
 

@@ -46,13 +46,13 @@ from ancf_casadi.estimation.comparison import LawComparison
 from ancf_casadi.estimation.solve import FitProblem, solve
 from ancf_casadi.estimation.solver.unknown import Priors
 from ancf_casadi.exceptions import InputError
+from ancf_casadi.mechanics.mesh_limits import bends_allowed
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.support.inputs import check_instance, flag, instances, is_sequence, positive, shown, whole
 from ancf_casadi.support.interrupts import lasting_interrupts
 from ancf_casadi.support.parallel import run_all
 from ancf_casadi.support.progress import counter
-from ancf_casadi.vibration.equilibrium import bends_allowed
 from problems.beam.curves.block import curve_block
 from problems.beam.curves.record import ResponseRecord
 from problems.beam.motions.block import MotionBlock, motion_block

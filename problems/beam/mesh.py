@@ -14,11 +14,12 @@ from ancf_casadi.damping import DampingLaw, ModalDamping
 from ancf_casadi.damping.law import SumOfLaws
 from ancf_casadi.exceptions import NumericsError
 from ancf_casadi.mechanics.beam import SplitBeam
+from ancf_casadi.mechanics.mesh_limits import short_elements_advice
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.mechanics.nodes import NODE
 from ancf_casadi.mechanics.state import State
 from ancf_casadi.support.arrays import Array
-from ancf_casadi.vibration.equilibrium import Equilibrium, short_elements_advice
+from ancf_casadi.vibration.equilibrium import Equilibrium
 from ancf_casadi.vibration.modes import natural_modes
 from ancf_casadi.vibration.statics import static_equilibrium
 from problems.beam.motions.record import MotionRecord

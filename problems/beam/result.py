@@ -20,12 +20,12 @@ from ancf_casadi.estimation.determination import certainty
 from ancf_casadi.estimation.prediction import RecordPrediction
 from ancf_casadi.estimation.result import BlocksResult
 from ancf_casadi.exceptions import AncfError, InputError
+from ancf_casadi.mechanics.mesh_limits import bend_advice, bends_allowed
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.mechanics.state import State
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.inputs import check_instance
 from ancf_casadi.support.tables import Table, finite_or_none
-from ancf_casadi.vibration.equilibrium import bend_advice, bends_allowed
 from problems.beam.curves.block import CurveBlock, curve_block
 from problems.beam.curves.record import ResponseRecord
 from problems.beam.motions.block import MotionBlock, motion_block, sensor_noise

@@ -23,7 +23,7 @@ from ancf_casadi import (
     simulate_reduced,
     static_equilibrium,
 )
-from ancf_casadi.dynamics import simulation, start
+from ancf_casadi.dynamics import motion_setup, simulation
 
 BENDING_STIFFNESS = 210e9 * 5e-3 * 0.5e-3**3 / 12
 WEIGHTLESS = {"gravity": (0.0, 0.0), "axis": (1.0, 0.0)}
@@ -126,13 +126,13 @@ class TestInterruptions:
 
     def test_ctrl_c_before_the_first_segment_waits_for_it(self, hanging, monkeypatch):
         """Raised within a call of CasADi, it would appear as an error of that call."""
-        original = start.checked_excitation
+        original = motion_setup.checked_excitation
 
         def check(*arguments):
             os.kill(os.getpid(), signal.SIGINT)
             return original(*arguments)
 
-        monkeypatch.setattr(start, "checked_excitation", check)
+        monkeypatch.setattr(motion_setup, "checked_excitation", check)
         part = simulate(hanging, duration=0.1)
         assert part.interrupted
         assert len(part.time) == 5

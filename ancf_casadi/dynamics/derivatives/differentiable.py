@@ -23,7 +23,8 @@ from ancf_casadi.damping import DampingLaw
 from ancf_casadi.dynamics.base_motion import BaseMotion
 from ancf_casadi.dynamics.derivatives.sensitivity import MOST_KEPT_STEPS, SensitivityProblem
 from ancf_casadi.dynamics.derivatives.tangent import MotionRun
-from ancf_casadi.dynamics.start import Start, set_up
+from ancf_casadi.dynamics.motion_setup import set_up
+from ancf_casadi.dynamics.start import Start
 from ancf_casadi.dynamics.tip_load import TipLoad
 from ancf_casadi.dynamics.tolerance import default_tolerance
 from ancf_casadi.exceptions import AncfError, InputError

@@ -30,7 +30,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import Any
 
 import casadi as cs
@@ -55,7 +55,7 @@ from ancf_casadi.dynamics.derivatives.tangent import (
 from ancf_casadi.dynamics.equations import Equations
 from ancf_casadi.dynamics.excitation import SAME_TIME, Excitation, excitation_pieces
 from ancf_casadi.dynamics.placed_load import LOAD_SIZE, TIP, equilibrium_under
-from ancf_casadi.dynamics.radau.stepper import RadauStep, Stepper
+from ancf_casadi.dynamics.radau.stepper import RadauSteps, Stepper
 from ancf_casadi.dynamics.start import LOAD_NAMES, START_LOAD_NAMES, Start, check_clamp, initial_state, rigid_motion
 from ancf_casadi.dynamics.tip_load import TipLoad
 from ancf_casadi.exceptions import InputError, SimulationError
@@ -130,9 +130,9 @@ class SensitivityProblem:
         steps_left = self.most_steps if most_steps is None else most_steps
         for piece in pieces:
             steps, jacobian, state = self._pass(piece, state, parameters, max(steps_left, 1))
-            samples = samples_by_step(times, steps, piece.begin, piece.end, first=not passages)
+            samples = samples_by_step(times, steps.instants, first=not passages)
             passages.append(Passage(piece, jacobian, steps, samples))
-            steps_left -= len(steps)
+            steps_left -= steps.lengths.size
         before_start = np.flatnonzero(times < first - SAME_TIME * (last - first))
         weights = sample_weights(passages, times, self.orders + bool(shifts.size))
         motion = sample_motion(self.maps, passages, weights, times, before_start)
@@ -178,7 +178,7 @@ class SensitivityProblem:
     def _tangent(self) -> Tangent:
         return shared_tangent(self.equations)
 
-    @cached_property
+    @property
     def _start_jacobians(self) -> tuple[cs.Function, cs.Function]:
         return start_jacobians(self.equations.model, self._held_at, self._flowing)
 
@@ -245,23 +245,22 @@ class SensitivityProblem:
 
     def _pass(
         self, excitation: Excitation, state: State, parameters: Array, most_steps: int
-    ) -> tuple[list[RadauStep], Array, State]:
+    ) -> tuple[RadauSteps, Array, State]:
         """Return at most ``most_steps`` over a smooth piece, ``Passage.acceleration_jacobian``, and the last state."""
         largest_step = min(self.largest_step, excitation.largest_step)
         stepper = Stepper(self._tangent.form, parameters, excitation, state, self.tolerance, largest_step)
-        steps: list[RadauStep] = []
-        while not steps or stepper.now < excitation.end - SAME_TIME * steps[-1].length:
-            if len(steps) >= most_steps:
+        ends = [stepper.end]
+        for _ in stepper.steps_to(excitation.end):
+            ends.append(stepper.end)
+            if stepper.steps >= most_steps and stepper.now < excitation.end:
                 raise SimulationError(
-                    f"the motion takes too many steps: {len(steps)} up to {stepper.now:g} s, the last of them "
-                    f"{steps[-1].length:.1e} s long; try a larger tolerance",
+                    f"the motion takes too many steps: {stepper.steps} up to {stepper.now:g} s, the last of them "
+                    f"{stepper.now - ends[-2][0]:.1e} s long; try a larger tolerance",
                     stepper.now,
                 )
             stop_if_interrupted()
-            stepper.advance()
-            steps.append(stepper.last_step)
-        first, node = steps[0], excitation.at(excitation.begin)
-        forces = self._tangent.force_jacobian(first.q, first.v, first.a, node, parameters).full()
+        steps, node = RadauSteps.of(self.equations.model, ends), excitation.at(excitation.begin)
+        forces = self._tangent.force_jacobian(*ends[0][1], node, parameters).full()
         jacobian = -np.linalg.solve(self._tangent.form.mass(parameters).full(), forces)
         return steps, jacobian, stepper.state
 
@@ -298,6 +297,7 @@ def held_start(
     return State(coordinates, velocities), np.block([[q_x, q_p, np.zeros_like(q_p)], [v_x, v_p, q_p]])
 
 
+@lru_cache(8)
 def start_jacobians(
     model: Model, place: PointLoad = TIP, law: DampingLaw = STILL_AIR
 ) -> tuple[cs.Function, cs.Function]:

@@ -40,7 +40,7 @@ import scipy.sparse
 from ancf_casadi.dynamics.equations import Balance, Equations, as_they_are
 from ancf_casadi.dynamics.excitation import EXCITATION, SAME_TIME, Excitation
 from ancf_casadi.dynamics.radau.collocation import Collocation
-from ancf_casadi.dynamics.radau.stepper import RadauStep
+from ancf_casadi.dynamics.radau.stepper import RadauSteps
 from ancf_casadi.dynamics.radau.tableau import QUINTIC, RADAU, STAGES, powers
 from ancf_casadi.exceptions import SimulationError
 from ancf_casadi.mechanics.nodes import NODE
@@ -56,18 +56,18 @@ class Passage:
 
     excitation: Excitation
     acceleration_jacobian: Array  # of the first a with respect to q, v, the excitation and the parameters, (N, ...)
-    steps: list[RadauStep]
+    steps: RadauSteps
     samples: list[Index]  # indices of the samples in each step
 
     @cached_property
-    def owned(self) -> tuple[Index, Index, Array]:
-        """Indices of all samples in the piece, those of their steps, and the lengths of all steps."""
-        owner = np.repeat(np.arange(len(self.steps)), [samples.size for samples in self.samples])
-        return np.concatenate(self.samples), owner, np.array([step.length for step in self.steps])
+    def owned(self) -> tuple[Index, Index]:
+        """Indices of all samples in the piece, and those of their steps."""
+        owner = np.repeat(np.arange(len(self.samples)), [samples.size for samples in self.samples])
+        return np.concatenate(self.samples), owner
 
     def stage_jacobians(self) -> Array:
         """Return the derivatives of the excitation by the m parameters of the base at the stages, (steps, 3, 16, m)."""
-        times = np.array([step.start + RADAU.nodes * step.length for step in self.steps])
+        times = self.steps.instants[:-1, None] + RADAU.nodes * self.steps.lengths[:, None]
         return self.excitation.jacobians(times.ravel()).reshape(*times.shape, EXCITATION, -1)
 
 
@@ -88,7 +88,7 @@ class MotionRun:
     @property
     def steps(self) -> int:
         """Number of steps."""
-        return sum(len(passage.steps) for passage in self.passages)
+        return sum(passage.steps.lengths.size for passage in self.passages)
 
 
 def stop_if_interrupted() -> None:
@@ -110,9 +110,9 @@ def sample_weights(passages: Sequence[Passage], times: Array, orders: int) -> Ar
     """Return the weights (k, orders, 6) of q, v and a at both ends of its step in each sample and its derivatives."""
     result = np.zeros((times.size, orders, 6))
     for passage in passages:
-        inside, owner, lengths = passage.owned
-        h = lengths[owner]
-        x = (times[inside] - np.array([step.start for step in passage.steps])[owner]) / h
+        inside, owner = passage.owned
+        h = passage.steps.lengths[owner]
+        x = (times[inside] - passage.steps.instants[owner]) / h
         values = np.array(powers(x, orders))
         scaled = np.array([h**0, h, h**2]) / h ** np.arange(orders)[:, None, None]
         result[inside] = np.einsum("omk,em,oek->koe", values, QUINTIC, np.tile(scaled, (1, 2, 1)))
@@ -124,13 +124,17 @@ def clamp_jacobians(excitation: Excitation, times: Array, orders: int) -> Array:
     return excitation.jacobians(times)[:, : orders * NODE].reshape(times.size, orders, NODE, -1)
 
 
-def samples_by_step(times: Array, steps: list[RadauStep], begin: float, end: float, *, first: bool) -> list[Index]:
-    """Return the indices of the samples in each step of a piece; the ``first`` piece has its first instant too."""
-    ends = np.array([step.start + step.length for step in steps])
-    slack = SAME_TIME * (end - begin)
-    inside = (times <= end + slack) & (times > (begin - slack if first else begin + slack))
-    owner = np.minimum(np.searchsorted(ends, times - slack), len(steps) - 1)
-    return [np.flatnonzero(inside & (owner == k)) for k in range(len(steps))]
+def samples_by_step(times: Array, instants: Array, *, first: bool) -> list[Index]:
+    """Return the indices of the samples in each step of a piece, whose steps are those between instants.
+
+    The ``first`` piece has its first instant too.
+    """
+    begin, *ends = instants
+    slack = SAME_TIME * (ends[-1] - begin)
+    inside = np.flatnonzero((times <= ends[-1] + slack) & (times > (begin - slack if first else begin + slack)))
+    owner = np.minimum(np.searchsorted(ends, times[inside] - slack), len(ends) - 1)
+    order = np.argsort(owner, kind="stable")
+    return np.split(inside[order], np.searchsorted(owner[order], np.arange(1, len(ends))))
 
 
 def sample_motion(
@@ -139,13 +143,12 @@ def sample_motion(
     """Return the samples at ``times`` (k,) and their time derivatives, (k, orders, rows)."""
     (of_free, of_base), first = maps, passages[0]
     result = np.zeros((*weights.shape[:2], len(of_free)))
-    result[before_start, 0] = of_free @ first.steps[0].q + of_base @ first.excitation.at(first.excitation.begin)[:NODE]
+    result[before_start, 0] = of_free @ first.steps.q[0] + of_base @ first.excitation.at(first.excitation.begin)[:NODE]
     for passage in passages:
-        inside, owner, lengths = passage.owned
+        inside, owner = passage.owned
         used, owner = np.unique(owner, return_inverse=True)
-        steps, h = [passage.steps[k] for k in used.tolist()], lengths[used, None]
-        q, v, a = (np.array(arrays) for arrays in zip(*((s.q, s.v, s.a) for s in steps), strict=True))
-        increments = np.array([step.increments for step in steps])
+        steps, h = passage.steps, passage.steps.lengths[used, None]
+        q, v, a, increments = (values[used] for values in (steps.q, steps.v, steps.a, steps.increments))
         V = np.matmul(RADAU.inverse, increments) / h[..., None]
         last = q + increments[:, -1], V[:, -1], np.tensordot(V - v[:, None], RADAU.inverse[-1], (1, 0)) / h
         ends = np.stack([q, v, a, *last], axis=1) @ of_free.T
@@ -162,11 +165,11 @@ class BoundStep:
         self._call = Buffered(function, *self._inputs)
         self.vectors = self._inputs[-1].reshape(function.size_in(3), order="F").T  # (d, ...)
 
-    def at(self, step: RadauStep, parameters: Array) -> BoundStep:
-        """Set Z, h and u to those of a step."""
+    def at(self, steps: RadauSteps, k: int, parameters: Array) -> BoundStep:
+        """Set Z, h and u to those of the k-th step."""
         z, h, u, _ = self._inputs
-        z[:], h[0] = step.increments.ravel(), step.length
-        np.concatenate([step.q, step.v, step.excitations.ravel(), parameters], out=u)
+        z[:], h[0] = steps.increments[k].ravel(), steps.lengths[k]
+        np.concatenate([steps.q[k], steps.v[k], steps.excitations[k].ravel(), parameters], out=u)
         return self
 
     def __call__(self) -> list[Array]:
@@ -255,10 +258,10 @@ class Tangent:
         further += balance.of_low_rank(excitations[2:NODE, :], all_nodes[1])
         return cs.vec(form.equations.model.of_free(further + form.links.sum_at_nodes(on_links)))
 
-    def factors(self, entries: Array, step: RadauStep, modal_coefficients: Array) -> BandedFactors:
-        """Return the factors of G for the entries that ``_linearisation`` returns."""
-        band = lapack_storage(self.assembly @ entries, self.bandwidth)
-        return BandedFactors.of(band, self.bandwidth, *self.low_rank(step.excitations, step.length, modal_coefficients))
+    def factors(self, entries: Array, steps: RadauSteps, k: int, modal_coefficients: Array) -> BandedFactors:
+        """Return the factors of G for the entries that ``_linearisation`` returns for the k-th step."""
+        storage, h = lapack_storage(self.assembly @ entries, self.bandwidth), float(steps.lengths[k])
+        return BandedFactors.of(storage, self.bandwidth, *self.low_rank(steps.excitations[k], h, modal_coefficients))
 
     def modal_coefficients(self, parameters: Array) -> Array:
         """Return the coefficients of the low-rank part of the damping force."""
@@ -281,17 +284,16 @@ class Tangent:
         """The Functions by their numbers of directions, as far as used."""
         return {}
 
-    def adjoint_product(self, step: RadauStep, factors: BandedFactors, parameters: Array, weights: Array) -> Array:
-        """Return -R_u^T G^-T w for weights w of the increments, (3 N, d)."""
-        residuals = -factors.solve_transpose(weights[self.inverse_order])[self.order]
-        bound, columns = self._reverse.at(step, parameters), []
+    def adjoint_product(self, bound: BoundStep, factors: BandedFactors, weights: Array) -> Array:
+        """Return -R_u^T G^-T w for weights w of the increments, (3 N, d); ``bound`` is ``transposed`` at the step."""
+        residuals, columns = -factors.solve_transpose(weights[self.inverse_order])[self.order], []
         for column in residuals.T:
             bound.vectors[0] = column
             columns.append(bound()[0].copy())
         return np.column_stack(columns)
 
     @cached_property
-    def _reverse(self) -> BoundStep:
+    def transposed(self) -> BoundStep:
         """(Z, h, u, w) -> R_u^T w."""
         z, h, u = self._symbols
         w = cs.MX.sym("w", len(self.order))
@@ -364,17 +366,19 @@ def forward(tangent: Tangent, run: MotionRun, start: Array, b: Array, parameters
         by_first = np.vstack([dq.T, dv.T, excitation.jacobian(excitation.begin) @ b, parameters])
         da = (passage.acceleration_jacobian @ by_first).T
         stages = (passage.stage_jacobians() @ b).reshape(-1, STAGES * EXCITATION, d)
-        for step, samples, by_stage in zip(passage.steps, passage.samples, stages, strict=True):
+        steps = passage.steps
+        for k, (samples, by_stage) in enumerate(zip(passage.samples, stages, strict=True)):
             stop_if_interrupted()
             du[:, layout["q"]], du[:, layout["v"]], du[:, layout["excitations"]] = dq, dv, by_stage.T
-            entries, product = bound.at(step, run.parameters)()
-            factors = tangent.factors(entries, step, modal_coefficients)
+            entries, product = bound.at(steps, k, run.parameters)()
+            factors = tangent.factors(entries, steps, k, modal_coefficients)
             solved = factors.solve(product.reshape(d, -1)[:, order].T, overwrite=True)
             unordered = np.empty((d, STAGES * free))
             unordered[:, order] = -solved.T
             dZ = unordered.reshape(d, STAGES, free)
-            dV = (RADAU.inverse @ dZ) / step.length
-            ends = dq, dv, da, dq + dZ[:, -1], dV[:, -1], RADAU.inverse[-1] @ (dV - dv[:, None]) / step.length
+            h = steps.lengths[k]
+            dV = (RADAU.inverse @ dZ) / h
+            ends = dq, dv, da, dq + dZ[:, -1], dV[:, -1], RADAU.inverse[-1] @ (dV - dv[:, None]) / h
             if samples.size:
                 rows = np.array(ends) @ of_free.T  # (6, d, rows)
                 samples_along = run.weights[samples].reshape(-1, 6) @ rows.reshape(6, -1)
@@ -399,21 +403,22 @@ def reverse(tangent: Tangent, run: MotionRun, weights: Array) -> tuple[Array, Ar
     q = v = np.zeros((free, d))
     for passage in reversed(run.passages):
         excitation, a = passage.excitation, np.zeros((free, d))
-        stages, pairs = passage.stage_jacobians()[::-1], zip(passage.steps[::-1], passage.samples[::-1], strict=True)
-        for (step, samples), jacobians in zip(pairs, stages, strict=True):
+        steps, stages = passage.steps, passage.stage_jacobians()
+        for k in reversed(range(steps.lengths.size)):
             stop_if_interrupted()
-            entries, _ = bound.at(step, run.parameters)()
-            factors = tangent.factors(entries, step, modal_coefficients)
-            ends = _sample_adjoint(run, passage, samples, weights, b)
+            entries, _ = bound.at(steps, k, run.parameters)()
+            factors = tangent.factors(entries, steps, k, modal_coefficients)
+            ends = _sample_adjoint(run, passage, passage.samples[k], weights, b)
             q, v, a = ends[3] + q, ends[4] + v, ends[5] + a
-            by_velocities = RADAU.inverse[-1] / step.length
+            by_velocities = RADAU.inverse[-1] / steps.lengths[k]
             velocities = np.multiply.outer(by_velocities, a)
             velocities[-1] += v
-            increments = np.einsum("ji,jkl->ikl", RADAU.inverse, velocities) / step.length
+            increments = np.einsum("ji,jkl->ikl", RADAU.inverse, velocities) / steps.lengths[k]
             increments[-1] += q
-            adjoint = tangent.adjoint_product(step, factors, run.parameters, increments.reshape(-1, d))
+            transposed = tangent.transposed.at(steps, k, run.parameters)
+            adjoint = tangent.adjoint_product(transposed, factors, increments.reshape(-1, d))
             by_q, by_v, by_excitation, parameters = step_layout.split(adjoint)
-            b += np.einsum("sem,sed->md", jacobians, by_excitation.reshape(STAGES, EXCITATION, d))
+            b += np.einsum("sem,sed->md", stages[k], by_excitation.reshape(STAGES, EXCITATION, d))
             p += parameters
             q = ends[0] + q + by_q
             v = ends[1] - by_velocities.sum() * a + by_v

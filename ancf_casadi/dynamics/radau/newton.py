@@ -44,8 +44,8 @@ class Newton:
     """Newton's method for the stage equations of the step being tried, and the arrays that the Functions read in place.
 
     N is the number of free coordinates; arrays with a row per link, or per node, are the columns of ``Collocation``.
-    ``Stepper`` writes ``start`` and ``end``, q, v and a at both ends of the last step, and ``nodes``, all coordinates
-    at its start and its stages, when a step is accepted.  For the step being tried, it writes ``time``, its start, s,
+    ``Stepper`` writes ``end``, q, v and a at the end of the last step, and ``nodes``, all coordinates at its start and
+    its stages, when a step is accepted.  For the step being tried, it writes ``time``, its start, s,
     ``length``, s, ``ratio``, relative to that of the last step, and the ``excitations`` at the stages, and predicts the
     ``increments`` Z.  ``converge`` writes their last ``corrections`` dW and the ``turns`` of the stages from the
     reference of the matrices; ``factorise`` writes this reference and the factors.
@@ -57,7 +57,7 @@ class Newton:
     def __init__(self, form: Collocation, parameters: Array, tolerance: float) -> None:
         model, links = form.equations.model, form.links.count
         free = form.equations.free
-        self.start, self.end = np.zeros((3, free)), np.zeros((3, free))
+        self.end = np.zeros((3, free))
         self.nodes = np.zeros((links + 1, STAGES + 1, NODE))
         self.time, self.length, self.ratio = np.zeros(1), np.zeros(1), np.zeros(1)
         self.excitations = np.zeros((STAGES, EXCITATION))

@@ -16,6 +16,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import casadi as cs
 import numpy as np
@@ -26,6 +27,7 @@ from ancf_casadi.dynamics.radau.collocation import Collocation
 from ancf_casadi.dynamics.radau.newton import Newton, StepControl
 from ancf_casadi.dynamics.radau.tableau import RADAU, STAGES
 from ancf_casadi.exceptions import SimulationError
+from ancf_casadi.mechanics.model import Model
 from ancf_casadi.mechanics.nodes import NODE
 from ancf_casadi.mechanics.state import State
 from ancf_casadi.support.arrays import Array
@@ -53,25 +55,45 @@ def integrate_by_radau(
         yield SegmentSolution(segment, steps, stepper.state, count)
 
 
-def _step_polynomials(slopes: Slopes, step_ends: Sequence[tuple[float, Array, Array, Array]], *, first: bool) -> Steps:
-    """Return the steps between ends as of ``Stepper.end``; ``first``: whether the first one begins the piece."""
-    instants, free, bases, nodes = (np.array(values) for values in zip(*step_ends, strict=True))
-    ends = slopes.model.whole(np.moveaxis(free, -1, 0), np.moveaxis(bases.reshape(-1, 3, NODE), -1, 0))
-    stages = np.moveaxis(nodes[1:, :, 1:], 1, 2).reshape(len(nodes) - 1, STAGES, -1)
-    return Steps(slopes, instants, np.moveaxis(ends, 0, -1), stages, first=first)
+StepEnd = tuple[float, Array, Array, Array]  # ``Stepper.end``
+
+
+def _step_polynomials(slopes: Slopes, step_ends: Sequence[StepEnd], *, first: bool) -> Steps:
+    """Return the steps between ends; ``first``: whether the first one begins the piece."""
+    instants, free, excitations, nodes = (np.array(values) for values in zip(*step_ends, strict=True))
+    bases = excitations[:, -1, : 3 * NODE].reshape(-1, 3, NODE)
+    ends = slopes.model.whole(np.moveaxis(free, -1, 0), np.moveaxis(bases, -1, 0))
+    return Steps(slopes, instants, np.moveaxis(ends, 0, -1), _stages(nodes), first=first)
+
+
+def _stages(nodes: Array) -> Array:
+    """Return all coordinates at the stages, (s, 3, 4 n + 4), from the nodes of ``Stepper.end`` of s + 1 ends."""
+    return np.moveaxis(nodes[1:, :, 1:], 1, 2).reshape(len(nodes) - 1, STAGES, -1)
 
 
 @dataclass(frozen=True, eq=False)
-class RadauStep:
-    """A step that was taken."""
+class RadauSteps:
+    """Consecutive steps that were taken, s of them."""
 
-    start: float  # s
-    length: float  # s
-    q: Array  # free coordinates at the start, (N,)
+    instants: Array  # their ends, from the first start on, (s + 1,), s
+    q: Array  # free coordinates at their starts, (s, N)
     v: Array  # their velocities
     a: Array  # their accelerations
-    increments: Array  # of the coordinates at the stages, (3, N)
-    excitations: Array  # at the stages, (3, 16)
+    increments: Array  # of the coordinates at the stages, (s, 3, N)
+    excitations: Array  # at the stages, (s, 3, 16)
+
+    @staticmethod
+    def of(model: Model, step_ends: Sequence[StepEnd]) -> RadauSteps:
+        """Return the steps between ends."""
+        instants, free, excitations, nodes = (np.array(values) for values in zip(*step_ends, strict=True))
+        q, v, a = np.moveaxis(free[:-1], 1, 0)
+        stages = model.of_free(np.moveaxis(_stages(nodes), -1, 0))
+        return RadauSteps(instants, q, v, a, np.moveaxis(stages, 0, -1) - q[:, None], excitations[1:])
+
+    @cached_property
+    def lengths(self) -> Array:
+        """Their lengths, (s,), s."""
+        return np.diff(self.instants)
 
 
 class Stepper:
@@ -116,23 +138,14 @@ class Stepper:
         return State(newton.nodes[:, -1].ravel(), velocities, self.now)
 
     @property
-    def last_step(self) -> RadauStep:
-        """The last step."""
-        newton, model, h = self.newton, self._form.equations.model, self._control.length
-        q, v, a = newton.start.copy()
-        stages = newton.nodes[:, 1:].transpose(1, 0, 2).reshape(STAGES, -1)
-        free = stages[:, NODE:] if model.held_at_base_alone else model.of_free(stages.T).T
-        return RadauStep(self.now - h, h, q, v, a, free - q, newton.excitations.copy())
+    def end(self) -> StepEnd:
+        """The last step, as results keep it.
 
-    @property
-    def end(self) -> tuple[float, Array, Array, Array]:
-        """State and stages of the last step, as a result keeps them.
-
-        Its end, s; q, v and a there, (3, N), and the motion of the base, (12,); the coordinates at its start and its
-        stages, (nodes, 4, 4).
+        Its end, s; q, v and a there, (3, N); the excitations at its stages, (3, 16), and the coordinates at its start
+        and its stages, (nodes, 4, 4).
         """
         newton = self.newton
-        return self.now, newton.end.copy(), newton.excitations[-1, : 3 * NODE].copy(), newton.nodes.copy()
+        return self.now, newton.end.copy(), newton.excitations.copy(), newton.nodes.copy()
 
     def steps_to(self, instant: float) -> Iterator[None]:
         """Take steps until an instant is passed."""
@@ -165,7 +178,6 @@ class Stepper:
             control = control.after_error(h, error, iterations)
 
         self._control = control.after_step(h, error, iterations, newton.contraction, self._largest_step)
-        newton.start[:] = newton.end
         newton.end[:], newton.nodes[:] = end.reshape(newton.end.shape), nodes.reshape(newton.nodes.shape)
         self.now += h
         self.steps += 1

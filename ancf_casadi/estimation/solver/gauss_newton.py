@@ -27,8 +27,8 @@ after it.
 The residuals may have an error of their own, such as that of an integration.  It changes the loss by much more than it
 moves the minimum, because it is nearly orthogonal to the columns of J.  Then a step also counts as good if the next
 one, by the same J, is less than half as long, whatever the loss (the natural monotonicity test of Deuflhard).  As such
-residuals and their Jacobians are expensive, the steps end earlier, and a step of less than three standard deviations
-leaves J as it is if the loss follows it.  The first J may come from an earlier minimum nearby.
+residuals and their Jacobians are expensive, the steps end earlier, and a good step of less than three standard
+deviations leaves J as it is.  The first J may come from an earlier minimum nearby.
 
 References
 ----------
@@ -176,7 +176,7 @@ def minimise(
         steps += 1
         gain = (loss_value(r, huber) - loss_value(r_trial, huber)) / predicted
         nearer = False
-        if inaccuracy and not gain > LEAST_GAIN and np.isfinite(r_trial).all():
+        if inaccuracy and not gain > GOOD_GAIN and np.isfinite(r_trial).all():
             further = _step(rows, influence(r_trial, huber)[0] / weights, lower - trial, upper - trial)
             nearer = float(np.linalg.norm(rows @ further)) < NEARER * change
         if gain > LEAST_GAIN or nearer:
@@ -185,7 +185,7 @@ def minimise(
             reach *= GROWTH if gain > GOOD_GAIN else 1.0
         else:  # the loss increases, or is not finite
             reach, failures = SHRINKAGE * float(np.abs(step).max()), failures + 1
-        if outdated and gain < GOOD_GAIN:
+        if outdated and gain < GOOD_GAIN and not nearer:
             r, jacobian = residuals_and_jacobian(evaluate, z)
             outdated, failures = False, 0
 

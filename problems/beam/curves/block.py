@@ -24,13 +24,13 @@ from ancf_casadi.estimation.block import Account, Fitted
 from ancf_casadi.estimation.solve import LARGEST_SHIFT, meaningful
 from ancf_casadi.exceptions import NumericsError
 from ancf_casadi.mechanics.lumped import lumped_kind
+from ancf_casadi.mechanics.mesh_limits import largest_bend
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.reduction import ReducedModel, reduce_model
 from ancf_casadi.reduction.reduced import Reduction, rebuild_reduction
 from ancf_casadi.response.harmonic_balance.system import beam_drive
 from ancf_casadi.support.arrays import Array, Index
 from ancf_casadi.support.tables import finite_or_none
-from ancf_casadi.vibration.equilibrium import largest_bend
 from problems.beam.curves.checks import orient_from_model
 from problems.beam.curves.driven import Driven, driven_beam, fourier_coefficients, shapes, small_response
 from problems.beam.curves.points import CurvePoints, Measured, PointMotion, closest, motion_from_rest

@@ -36,12 +36,12 @@ from ancf_casadi.estimation.block import Account, Block, Fitted, SeriesWeights
 from ancf_casadi.estimation.fit import Fit
 from ancf_casadi.estimation.prediction import TIME_AXIS, PredictedChannel, RecordPrediction
 from ancf_casadi.estimation.solve import DOUBTS, LARGEST_SHIFT
+from ancf_casadi.mechanics.mesh_limits import largest_bend
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.mechanics.nodes import NODE
 from ancf_casadi.records.sensor import Sensor
 from ancf_casadi.support.arrays import Array, Index, root_mean_square
 from ancf_casadi.support.tables import finite_or_none
-from ancf_casadi.vibration.equilibrium import largest_bend
 from problems.beam.mesh import split_law, split_model, split_record
 from problems.beam.motions.record import Channel, MotionRecord, channel_labels, record_titles
 from problems.beam.motions.weights import (
@@ -454,9 +454,9 @@ def _properties(block: MotionBlock, unknowns: Mapping[str, cs.MX]) -> tuple[cs.M
 
 def _coordinates(model: Model, run: MotionRun) -> Array:
     """Return the coordinates at the steps of a motion, (s, size)."""
-    pairs = [(step.q, passage.excitation.at(step.start)[:NODE]) for passage in run.passages for step in passage.steps]
-    free, base = (np.array(column).T for column in zip(*pairs, strict=True))
-    return model.whole(free, base).T
+    free = np.concatenate([passage.steps.q for passage in run.passages])
+    base = [passage.excitation.derivatives(passage.steps.instants[:-1])[:, :NODE] for passage in run.passages]
+    return model.whole(free.T, np.concatenate(base).T).T
 
 
 def _load_at(load: TipLoad | None, times: Array, shift: cs.MX) -> cs.MX:

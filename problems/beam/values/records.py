@@ -26,6 +26,7 @@ from ancf_casadi.estimation.block import Account, Block, Fitted
 from ancf_casadi.estimation.prediction import PredictedChannel
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.loads import PointLoad
+from ancf_casadi.mechanics.mesh_limits import bends_allowed, largest_bend
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.records.sensor import SENSOR_UNITS, Sensor
 from ancf_casadi.support.arrays import Array, Index
@@ -43,7 +44,6 @@ from ancf_casadi.support.inputs import (
     whole,
 )
 from ancf_casadi.support.tables import Displayed
-from ancf_casadi.vibration.equilibrium import bends_allowed, largest_bend
 from ancf_casadi.vibration.modes import natural_modes, rigid_modes, unit_warning
 from ancf_casadi.vibration.statics import stable_position
 from problems.beam.mesh import split_model

@@ -20,11 +20,11 @@ from ancf_casadi.dynamics.trajectory import Trajectory
 from ancf_casadi.exceptions import InputError, NumericsError
 from ancf_casadi.export.identification import Identification
 from ancf_casadi.export.model_document import Document
+from ancf_casadi.mechanics.mesh_limits import bends_allowed
 from ancf_casadi.mechanics.spec import BeamSpec
 from ancf_casadi.support.inputs import error_prefix
 from ancf_casadi.support.specs import Positive
 from ancf_casadi.support.tables import Table, finite_or_none, to_json
-from ancf_casadi.vibration.equilibrium import bends_allowed
 from ancf_casadi.vibration.modes import natural_modes
 from problems.beam.fitting import compare_laws, fit_beam
 from problems.beam.properties import changed_property, property_value

@@ -22,7 +22,7 @@ from ancf_casadi import (
     static_equilibrium,
 )
 from ancf_casadi.mechanics.beam import SplitBeam
-from ancf_casadi.vibration.equilibrium import largest_bend
+from ancf_casadi.mechanics.mesh_limits import largest_bend
 from problems import FrequencyRecord, MarkerRecord, MotionRecord, ResponseRecord, StaticRecord, fit_beam
 from problems.beam.mesh import split_law, split_model, split_record
 from problems.beam.properties import named_elements

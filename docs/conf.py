@@ -6,6 +6,7 @@ from concurrent.futures import ProcessPoolExecutor
 from multiprocessing import get_context
 from pathlib import Path
 
+from docutils import nodes
 from pygments.lexers.special import TextLexer
 from sphinx.application import Sphinx
 from sphinx.util.logging import getLogger
@@ -91,6 +92,14 @@ def draw_figures_of_pages(app: Sphinx) -> None:
     app.connect("builder-inited", wait)  # after the gallery
 
 
+def inline_drawings(app: Sphinx, document: nodes.document) -> None:
+    """Put SVG files into the page itself: their text can be selected, links work, and they follow the theme."""
+    for image in list(document.findall(nodes.image)):
+        if image["uri"].endswith(".svg"):
+            text = (Path(app.srcdir) / image["uri"]).read_text()
+            image.parent.replace(image, nodes.raw("", text, format="html"))
+
+
 def put_code_before_output(app: Sphinx, page: str, source: list[str]) -> None:
     """Move the printed output of a page of the gallery below its code; the picture stays above."""
     if page.startswith("gallery/ex"):
@@ -105,4 +114,5 @@ def setup(app: Sphinx) -> None:
     app.connect("autodoc-process-docstring", typeset_lines, priority=400)  # before napoleon
     app.connect("builder-inited", lambda app: write_keys_page(Path(app.srcdir) / "api" / "study_keys.md"))
     app.connect("source-read", put_code_before_output)
+    app.connect("doctree-read", inline_drawings)
     draw_figures_of_pages(app)

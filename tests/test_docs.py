@@ -32,6 +32,8 @@ SLOW = (  # pages that take more than about a second
     "how_to/posterior.md",
     "how_to/response_curves.md",
     "how_to/several_records.md",
+    "how_to/several_takes.md",
+    "how_to/soft_clamp.md",
     "how_to/steady_vibration.md",
     "how_to/studies.md",
     "how_to/track_a_video.md",

@@ -2,9 +2,11 @@
 
 import re
 import sys
-import tempfile
+from concurrent.futures import ProcessPoolExecutor
+from multiprocessing import get_context
 from pathlib import Path
 
+from docutils import nodes
 from pygments.lexers.special import TextLexer
 from sphinx.application import Sphinx
 from sphinx.util.logging import getLogger
@@ -15,7 +17,7 @@ ROOT = Path(__file__).parents[1]
 sys.path.insert(0, str(ROOT / "docs"))
 from docstring_formulas import typeset_lines  # noqa: E402
 from keys_page import write_keys_page  # noqa: E402
-from run_pages import BUILT, run_page  # noqa: E402
+from run_pages import FIGURE, draw_figures  # noqa: E402
 
 project = "ancf-casadi"
 release = version = __version__
@@ -75,14 +77,27 @@ html_theme_options = {
 }
 
 
-def run_built_pages(app: Sphinx) -> None:
-    """Run the code of some pages, and warn of one that does not do what it says."""
-    for page in BUILT:
-        with tempfile.TemporaryDirectory() as folder:
-            try:
-                run_page(page, Path(folder))
-            except Exception as error:
-                getLogger(__name__).warning("%s does not run: %s: %s", page.name, type(error).__name__, error)
+def draw_figures_of_pages(app: Sphinx) -> None:
+    """Draw the figures of all pages by their code, in other processes beside the gallery; warn of a page that fails."""
+    pages = [page for page in sorted(Path(__file__).parent.rglob("*.md")) if FIGURE.search(page.read_text())]
+    pool = ProcessPoolExecutor(mp_context=get_context("spawn"))
+    runs = {page: pool.submit(draw_figures, page) for page in pages}
+
+    def wait(app: Sphinx) -> None:
+        for page, run in runs.items():
+            if error := run.exception():
+                getLogger(__name__).warning("%s draws no figure: %s: %s", page.name, type(error).__name__, error)
+        pool.shutdown()
+
+    app.connect("builder-inited", wait)  # after the gallery
+
+
+def inline_drawings(app: Sphinx, document: nodes.document) -> None:
+    """Put SVG files into the page itself: their text can be selected, links work, and they follow the theme."""
+    for image in list(document.findall(nodes.image)):
+        if image["uri"].endswith(".svg"):
+            text = (Path(app.srcdir) / image["uri"]).read_text()
+            image.parent.replace(image, nodes.raw("", text, format="html"))
 
 
 def put_code_before_output(app: Sphinx, page: str, source: list[str]) -> None:
@@ -94,9 +109,10 @@ def put_code_before_output(app: Sphinx, page: str, source: list[str]) -> None:
 
 
 def setup(app: Sphinx) -> None:
-    """Let pages mark CSV files, which Pygments does not know; order the gallery; run the pages that need the build."""
+    """Let pages mark CSV files, which Pygments does not know; order the gallery; draw the figures of pages."""
     app.add_lexer("csv", TextLexer)
     app.connect("autodoc-process-docstring", typeset_lines, priority=400)  # before napoleon
     app.connect("builder-inited", lambda app: write_keys_page(Path(app.srcdir) / "api" / "study_keys.md"))
-    app.connect("builder-inited", run_built_pages)
     app.connect("source-read", put_code_before_output)
+    app.connect("doctree-read", inline_drawings)
+    draw_figures_of_pages(app)

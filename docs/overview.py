@@ -41,7 +41,7 @@ def overview(results: dict) -> Figure:
     ratios.semilogy(modes, measured, "s", ms=11, mfc="none", color=MEASURED, label="identified")
     for k, (law, name) in enumerate(LAWS.items()):
         ratios.semilogy(modes, 100 * np.array(comparison[law]), **series(k), label=name)
-    ratios.set(xlabel="mode", ylabel="damping ratio, %", xticks=modes)
+    ratios.set(xlabel="mode", ylabel="damping ratio, %", xticks=modes, ylim=(0.012, 1.4))
     ratios.set_title("Five modes, one beam, three damping laws", fontsize=10)
     plain_log_ticks(ratios, "y")
     ratios.legend(frameon=False)

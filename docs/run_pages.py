@@ -1,4 +1,6 @@
-"""Run the code of pages: the tests run all but those of ``BUILT``, which the build of the site runs.
+"""Run the code of pages: the tests run all of it, and the build of the site draws the figures by it.
+
+A ``{figure}`` of a page is a file that its code writes.
 
 The blocks of a page run in their order, in one namespace and one folder, in which ``examples`` is at hand:
 
@@ -21,6 +23,7 @@ import runpy
 import shlex
 import shutil
 import sys
+import tempfile
 import tomllib
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -29,9 +32,9 @@ from pathlib import Path
 from problems.cli import main
 
 DOCS = Path(__file__).parent
-BUILT = (DOCS / "tutorials" / "phone_video.md",)  # with OpenCV and MuJoCo, which the tests can do without
 READ = ("bash", "c", "json", "matlab", "py")
 SET_UP = ("python3 -m venv ", "python -m venv ", "pip install ", ". .venv/bin/activate", ".venv/bin/pip install ")
+FIGURE = re.compile(r"^```\{figure\} (\S+)$", re.MULTILINE)
 FENCE = re.compile(r"(?P<indent> *)(?P<fence>`{3,}|~{3,})(?P<language>.*)")
 NUMBER = r"[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?"
 FILE_NAME = re.compile(r"# ([\w-]+\.(?:py|toml|csv))")
@@ -56,14 +59,18 @@ class PageError(Exception):
     """A page whose code does not do what the page says."""
 
 
-def run_page(path: Path, folder: Path) -> None:
+def run_page(path: Path, folder: Path, *, to_last_figure: bool = False) -> None:
     """Run the blocks of a page in an empty folder; errors are those of its code, or a PageError."""
+    text = path.read_text()
+    figures = [folder / name for name in FIGURE.findall(text)]
     shutil.copytree(DOCS.parent / "examples", folder / "examples")
     names = {"__name__": "__main__"}
     sys.path.insert(0, str(folder))  # a script imports its neighbours
     try:
         with contextlib.chdir(folder), contextlib.redirect_stdout(io.StringIO()) as output:
-            for block in blocks(path.read_text()):
+            for block in blocks(text):
+                if to_last_figure and all(figure.is_file() for figure in figures):
+                    break
                 where = f"{path.name}, line {block.line}"
                 if block.language == "text":
                     fault = not_printed(block.code, output.getvalue())
@@ -77,6 +84,17 @@ def run_page(path: Path, folder: Path) -> None:
         sys.path.remove(str(folder))
         for script in folder.glob("*.py"):
             sys.modules.pop(script.stem, None)
+    for figure in figures:
+        if not figure.is_file():
+            raise PageError(f"{path.name}: no block draws {figure.name}")
+
+
+def draw_figures(path: Path) -> None:
+    """Draw the figures of a page by its code, in a temporary folder, and move them beside the page."""
+    with tempfile.TemporaryDirectory() as folder:
+        run_page(path, Path(folder), to_last_figure=True)
+        for name in FIGURE.findall(path.read_text()):
+            shutil.move(Path(folder) / name, path.with_name(name))
 
 
 def blocks(text: str) -> Iterator[Block]:

@@ -4,13 +4,16 @@ import gc
 import os
 import signal
 from collections.abc import Callable, Generator, Iterator
+from pathlib import Path
 from typing import Any
 
 os.environ.setdefault(
     "OPENBLAS_NUM_THREADS", "1"
 )  # the test processes would share the processors with threads of numpy
 
+import numpy as np
 import pytest
+from PIL import Image
 
 from ancf_casadi import Beam, Model
 from ancf_casadi.support.compilation import c_compiler
@@ -30,9 +33,9 @@ def pytest_collection() -> Generator[None, object, object]:
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Let slow tests use few elements, to be faster; the others meet no over-bent element that they do not name."""
+    """Let slow tests use few elements, to be faster; pages and the others meet no over-bent element unnamed."""
     for item in items:
-        if item.get_closest_marker("slow"):
+        if item.get_closest_marker("slow") and item.path.stem != "test_docs":
             item.add_marker(pytest.mark.filterwarnings("ignore:an element bends"))
 
 
@@ -108,3 +111,15 @@ def hanging(paper_beam: Callable[..., Beam]) -> Model:
 def weightless(paper_beam: Callable[..., Beam]) -> Model:
     """The paper's beam along the x axis, 20 elements, without gravity."""
     return Model(paper_beam(axis=(1.0, 0.0), gravity=(0.0, 0.0)))
+
+
+@pytest.fixture(scope="session")
+def likeness() -> Callable[[Path, Path], float]:
+    """Correlation of two pictures on a coarse grid, close to 1 for the same figure in another font."""
+
+    def grid(path: Path) -> Any:
+        with Image.open(path) as picture:
+            picture.seek(getattr(picture, "n_frames", 1) // 2)  # of a moving one
+            return np.asarray(picture.convert("L").resize((60, 40), Image.Resampling.BOX), dtype=float).ravel()
+
+    return lambda picture, other: float(np.corrcoef(grid(picture), grid(other))[0, 1])

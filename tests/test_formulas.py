@@ -48,6 +48,17 @@ def test_formulas_are_typeset(page):
     assert not found
 
 
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(DOCS)))
+def test_github_typesets_the_formulas_too(page):
+    """It drops a backslash before punctuation, forbids one macro, and takes a dollar beside a word for money."""
+    text = without_code(page)
+    for found in FORMULA.finditer(text):
+        assert not re.search(r"\\[^a-zA-Z]|\\operatorname|<\w|\]\(", found[0])
+        assert not re.search(r"[\w/-]$", text[: found.start()][-1:])
+        assert not re.match(r"\w", text[found.end() :])
+        assert found["display"] or found["inline"] == found["inline"].strip()
+
+
 @pytest.fixture
 def mathml(monkeypatch):
     """The extension of the site, with the library that converts formulas."""

@@ -11,6 +11,7 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq, minimize_scalar
 
+from ancf_casadi.figures.files import figure_bytes
 from problems import FrequencyRecord, StaticRecord, fit_beam
 
 DOCS = Path(__file__).parents[1] / "docs"
@@ -195,6 +196,11 @@ class TestSiliconeBeam:
         low, high = fit.intervals()["density"]
         assert 880.0 < low < high < 950.0
         assert fit.scatter < 1e-3
+
+    @pytest.mark.slow
+    def test_the_stored_figure_is_that_of_the_script(self, page, tmp_path, likeness):
+        (tmp_path / "silicone.png").write_bytes(figure_bytes(page.motion_figure(page.silicone_motion_fit(SILICONE)[1])))
+        assert likeness(tmp_path / "silicone.png", DOCS / "measured_silicone.png") > 0.98
 
     def test_the_shear_of_timoshenkos_beam_is_eight_percent_of_the_bending(self, page):
         assert page.shear_share(0.1, 0.03) == pytest.approx(0.081)

@@ -37,7 +37,7 @@ def without_outliers(record: Measurement) -> Measurement:
     times = ", ".join(f"{record.time[i]:.6g} s" for i in indices[:LISTED_OUTLIERS])
     omitted = f" and {indices.size - LISTED_OUTLIERS} more" if indices.size > LISTED_OUTLIERS else ""
     plural = f"{indices.size} outliers were" if indices.size > 1 else "1 outlier was"
-    note = f"{plural} left out, at {times}{omitted}: single samples that those beside them contradict"
+    note = f"{plural} left out, at {times}{omitted}: single samples far from their neighbours"
     time, values = np.delete(record.time, indices), np.delete(record.values, indices)
     return Measurement(time, values, record.name, record.sensor, (*record.notes, note))
 

@@ -104,7 +104,7 @@ def find_release(time: Array, measured: Array) -> Release:
     if gap <= GAP * typical_step(time):
         return Release(begin, reason)
     note = (
-        f"a gap of {gap:.3g} s hides the release or follows it closely; the decay is taken from the end of the gap on, "
+        f"a gap of {gap:.3g} s hides the release or follows it closely; the decay is fitted from the end of the gap, "
         f"{time[begin]:g} s"
     )
     return Release(begin, "the end of a gap", (note,))

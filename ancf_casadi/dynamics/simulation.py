@@ -123,7 +123,7 @@ def simulate(
     -----
     UserWarning
         If damping by the tangent stiffness has added energy to the motion, the start is unstable or stretches the beam
-        unevenly, or an element bends by more than a cubic can follow.
+        unevenly, or an element bends by more than a cubic element can follow.
 
     Notes
     -----

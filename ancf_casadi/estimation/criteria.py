@@ -140,8 +140,8 @@ def judge(candidates: Sequence[Candidate]) -> Verdict:
     probabilities, warnings = verdict.probabilities, []
     if not math.isfinite(max(aicc)):
         warnings.append(
-            f"the laws cannot be compared: {m} residuals that carry the information of {n:.0f} independent ones are "
-            "too few; use a longer record, or laws that explain more of the motion"
+            f"the laws cannot be compared: {m} residuals, worth {n:.0f} independent ones, are too few; "
+            "use a longer record, or laws that explain more of the motion"
         )
     elif probabilities[verdict.best] < SETTLED:
         order = np.argsort(-probabilities, kind="stable")

@@ -432,7 +432,6 @@ def colour_warning(fit: Fit, *, noise_free: float = 0.0) -> str | None:
     m, n = len(fit.residuals), fit.effective_samples
     worth = f" and determine the unknowns as well as {n:.0f} independent ones would" if n < m else ""
     return (
-        f"the {m} residuals are not noise{worth}: the standard errors allow for their colour, but the law "
-        "does not explain all of the motion, unless the sensor colours its noise; another law, or more modes, may "
-        "explain the rest"
+        f"the {m} residuals are not noise{worth}: the standard errors allow for their correlation, but the law "
+        "does not explain all of the motion, unless the sensor colours its noise; try another law, or more modes"
     )

@@ -34,7 +34,7 @@ def bend_advice(model: Model, bend: float) -> str:
     if not bend > MAX_BEND:
         return ""
     return (
-        f"an element bends by {bend:.2g} rad, more than the {MAX_BEND:g} rad that a cubic can follow; use "
+        f"an element bends by {bend:.2g} rad, more than the {MAX_BEND:g} rad that a cubic element can follow; use "
         f"{math.ceil(model.beam.elements * bend / MAX_BEND)} elements or more"
     )
 

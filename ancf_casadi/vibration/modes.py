@@ -345,8 +345,8 @@ def natural_modes(model: Model, *, count: int = 5, equilibrium: Equilibrium | No
     limited = np.count_nonzero(eigenvalues < 10 * eigenvalue_rounding(model)) if model.is_held else 0
     if limited:
         warnings.warn(
-            f"rounding limits the frequencies up to mode {limited}: the beam is so slender that its bending is lost "
-            "beside its stretching; check thickness and length",
+            f"rounding limits the frequencies up to mode {limited}: the beam is so slender that rounding errors "
+            "of its axial stiffness hide its bending stiffness; check thickness and length",
             stacklevel=4,
         )
     displacements = _reference_displacements(model, shapes)

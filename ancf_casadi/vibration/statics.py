@@ -77,7 +77,7 @@ def static_equilibrium(
     Warns
     -----
     UserWarning
-        If an element bends by more than a cubic can follow.
+        If an element bends by more than a cubic element can follow.
 
     Examples
     --------

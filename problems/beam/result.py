@@ -229,9 +229,11 @@ class BeamFit(BlocksResult):
                 "record that separates them"
             )
         if not fit.noise.freedom or not fit.degrees_of_freedom:
-            notes.append("there are no more values than unknowns, so nothing shows their uncertainty; measure more")
+            notes.append(
+                "there are no more values than unknowns, so the residuals cannot show the uncertainty; measure more"
+            )
         notes += [
-            f"the records leave {name} open: the relative standard error of this product of powers is {error:.2g}"
+            f"the records do not determine {name}: the relative standard error of this product of powers is {error:.2g}"
             for name, error in self._products
             if error > 1.0  # relative standard error from which the data leave a product of properties open
         ]

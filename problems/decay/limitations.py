@@ -84,8 +84,8 @@ def _length_warning(decay: DecayFit) -> str | None:
     if periods >= FEW_PERIODS:
         return None
     return (
-        f"the record is short: {periods:.1f} periods of free decay hardly separate frequency, damping and "
-        f"equilibrium; record {FEW_PERIODS} periods or more"
+        f"the record is short: {periods:.1f} periods of free decay barely separate frequency, damping and "
+        f"offset; record {FEW_PERIODS} periods or more"
     )
 
 
@@ -98,9 +98,9 @@ def _hum_warning(decay: DecayFit) -> str | None:
     if residual is None or residual.ζ * residual.ω * length < 1.0:  # otherwise it decays
         return None
     return (
-        f"the fitted oscillation of {decay.frequency:.4g} Hz hardly decays, but another one beside it, of "
-        f"{residual.ω / (2 * math.pi):.4g} Hz, does: if the former is hum, fit the latter by isolate_mode or the "
-        "option --band, or both by fit_modes"
+        f"the fitted oscillation of {decay.frequency:.4g} Hz hardly decays, but another one of "
+        f"{residual.ω / (2 * math.pi):.4g} Hz does: if the first is hum, isolate the second with isolate_mode or "
+        "--band, or fit both with fit_modes"
     )
 
 
@@ -198,8 +198,8 @@ def _residual_warning(decay: DecayFit, noise_free: float) -> str | None:
     if _is_rounded(decay):
         step = f"{resolution(decay.measured):.2g} {decay.model.sensor.unit}".rstrip()
         return (
-            f"the residuals ({residual} rms) are those of the resolution of the record, {step}; the standard errors "
-            "allow for their colour"
+            f"the residuals ({residual} rms) are quantisation noise of a record with steps of {step}; the standard "
+            "errors allow for their correlation"
         )
     frequency = _residual_frequency(decay)
     order = frequency / decay.frequency

@@ -78,8 +78,8 @@ class ModeSearch:
         if not is_lasting(mode):
             return self._subtract_other(
                 mode,
-                f"the rest, near {mode.frequency:.4g} Hz with a damping ratio of {mode.damping_ratio:.2g}, is no mode; "
-                "another law or a drift may explain it",
+                f"the remainder near {mode.frequency:.4g} Hz, with a damping ratio of {mode.damping_ratio:.2g}, is not "
+                "a mode; another law or a drift may explain it",
             )
         nearest = min(range(len(self.modes)), key=lambda k: abs(self.modes[k].frequency - mode.frequency))
         is_close = is_near(self.modes[nearest], mode)
@@ -100,7 +100,7 @@ class ModeSearch:
             return ""
         if joint is None:
             return self._subtract_other(
-                mode, f"the rest near {mode.frequency:.4g} Hz cannot be distinguished from the modes"
+                mode, f"the remainder near {mode.frequency:.4g} Hz cannot be distinguished from the modes"
             )
         self.modes.append(mode)
         self.shapes.append(mode)
@@ -115,7 +115,7 @@ class ModeSearch:
     def _subtract_noise(self, mode: DecayFit) -> str:
         """Subtract an oscillation from the residuals that are searched, but not from the values that are fitted."""
         self.noise = self.noise + mode.displacement(self.time)
-        return f"the rest is noise, as near {mode.frequency:.4g} Hz"
+        return f"the remainder is noise, for example near {mode.frequency:.4g} Hz"
 
     def _update_mode(self, nearest: int, second: DecayFit, moving_mode: DecayFit) -> str:
         """Subtract a mode with a frequency that depends on amplitude; its harmonics follow it."""
@@ -126,7 +126,7 @@ class ModeSearch:
                 "frequency that depends on amplitude; fit the mode with a frequency law"
             )
         elif not explains_more(moving_mode, self.residuals, self.curves[nearest]):
-            return self._subtract_other(second, f"the rest near {mode.frequency:.4g} Hz belongs to the mode there")
+            return self._subtract_other(second, f"the remainder near {mode.frequency:.4g} Hz belongs to the mode there")
         self.shapes[nearest], self.curves[nearest] = moving_mode, moving_mode.displacement(self.time)
         for k, order in self.harmonics:
             if k == nearest:
@@ -144,7 +144,7 @@ class ModeSearch:
             return False
         if (k, order) not in self.harmonics:
             self.notes.append(
-                f"the oscillation at {mode.frequency:.4g} Hz is no mode but harmonic {order} of the mode near "
+                f"the oscillation at {mode.frequency:.4g} Hz is not a mode but harmonic {order} of the mode near "
                 f"{self.modes[k].frequency:.4g} Hz, whose phase and amplitude it follows; a nonlinear sensor or a "
                 "large motion causes it"
             )

@@ -224,8 +224,12 @@ def _fit_all_modes(search: ModeSearch, notes: Sequence[str], settings: Mapping[s
             return tuple(sorted(fits, key=lambda fit: fit.frequency))
         faded = [mode.frequency for mode in modes if mode not in lasting_modes]
         notes = [
-            *notes, *(f"the oscillation near {f:.4g} Hz is no mode: beside the others it fades at once" for f in faded)
-        ]  # fmt: skip
+            *notes,
+            *(
+                f"the oscillation near {f:.4g} Hz is not a mode: fitted with the others, it decays within two periods"
+                for f in faded
+            ),
+        ]
         modes = lasting_modes
 
 

@@ -96,8 +96,8 @@ def fit_frf(
     notes = [*record.notes, *selection_notes]
     if delay:
         notes.append(
-            f"a delay of {1e3 * delay:.3g} ms, as of a trigger or a filter, turns the phase of all functions beside "
-            "their modes; it is taken out of the functions, and the standard errors take it as known"
+            f"a delay of {1e3 * delay:.3g} ms, as of a late trigger or a filter, shifts the phase of all functions; it "
+            "was removed, and the standard errors take it as known"
         )
     if mode_count is not None and count != mode_count:
         notes.append(f"the record supports {count} of {mode_count} modes")

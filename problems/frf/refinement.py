@@ -177,8 +177,8 @@ def limitations(trial: TrialFit, fit: Fit) -> list[str]:
     notes += harmonics_notes(trial.frequencies)
     if trial.model.powers == RESIDUAL_POWERS[-1]:
         notes.append(
-            "a mode close to the band, or one in it that was not found, shows in the functions, and many residual "
-            "terms stand for it; widen the band to include it"
+            "many residual terms are needed: the functions show a mode close to the band, or a mode within it that was "
+            "not found; widen the band"
         )
     focus = concentration(fit.residuals, fit.series, fit.times)
     if focus > MOST_CONCENTRATION:

@@ -269,7 +269,7 @@ class FrequencyMatch(FitResult):
             )
             worst = f"a frequency error of {100 * self.max_relative_error:.3g} % remains"
             reason = unit_warning(np.array(self.targets), np.array(self.standard)) or limit
-            notes.append(f"the targets are out of reach of these unknowns: {worst}, and {reason}")
+            notes.append(f"these unknowns cannot meet the targets: {worst}, and {reason}")
         given_modes = (self.matching.numbers + 1).tolist()
         if self.mac is None and given_modes != [*self.modes]:
             notes.append(

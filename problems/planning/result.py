@@ -268,8 +268,8 @@ class Plan(Reported):
         slopes = y.relative_slopes(y.guess) / y.scale
         undetermined = vectors[:, values <= self.design.negligible**2].T / np.where(slopes == 0.0, 1.0, slopes)
         return tuple(
-            f"the candidates leave {product(list(self.guess), row / row[np.abs(row).argmax()])} open; add one that "
-            "determines it, or fix an unknown"
+            f"the candidates do not determine {product(list(self.guess), row / row[np.abs(row).argmax()])}; add one "
+            "that does, or fix an unknown"
             for row in undetermined
         )
 

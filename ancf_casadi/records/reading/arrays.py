@@ -50,11 +50,11 @@ def columns_recording(
             try:
                 values = seconds_from_first(values)
             except (TypeError, OverflowError):  # years and months have no length; attoseconds overflow
-                remarks.append(f"the dates in {name!r} cannot be counted in s, and are left out")
+                remarks.append(f"the dates in {name!r} cannot be converted to seconds, and are left out")
                 continue
-            remarks.append(f"the dates in {name!r} count in s from the first")
+            remarks.append(f"the dates in {name!r} are converted to seconds from the first")
         if values.dtype.kind not in "fiu" or values.ndim > 2:
-            remarks.append(f"{name!r} is no real vector or matrix, and is left out")
+            remarks.append(f"{name!r} is not a real vector or matrix, and is left out")
             continue
         if values.ndim == 0:
             number_step = stated_step(name, float(values))

@@ -47,7 +47,7 @@ def read_uff(path: Path) -> Recording:
             elif kind in (FREQUENCY_RESPONSE, COHERENCE):
                 spectra.append(function)
             else:
-                notes.append(f"data set {number + 1} is no response over time or frequency, and is left out")
+                notes.append(f"data set {number + 1} is not a response over time or frequency, and is left out")
         if spectra:
             axis = np.array(spectra[0]["x"], dtype=float)
             channels.append(RecordedChannel(len(channels) + 1, "frequency", axis, "Hz", parse_unit("Hz")))

@@ -114,7 +114,7 @@ def hdf5(path: str) -> FileContents:
                 or item.external
                 or item.is_virtual
             ):
-                notes.append(f"{name!r} has no numbers of its own, and is left out")
+                notes.append(f"{name!r} holds no numbers itself, and is left out")
                 continue
             total += item.size * item.dtype.itemsize
             check_data_size(total, os.path.getsize(path))

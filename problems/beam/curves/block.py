@@ -169,7 +169,7 @@ class CurveBlock(ResponseBlock):
         """Return errors of the amplitudes, the effects of truncation and levels, and points without a stable motion."""
         account, worst = super().account(fitted), meaningful(fitted.shifts, fitted.fit, LEAST_SHIFT)
         truncation = (
-            f"{self.modes} modes with {self.harmonics} harmonics; one mode and two harmonics more shift no "
+            f"{self.modes} modes with {self.harmonics} harmonics; one more mode and two more harmonics shift no "
             f"estimate by more than {np.abs(fitted.shifts).max():.2g} standard errors"
         )
         names, by_levels = fitted.fit.names, self._level_shifts(fitted)
@@ -196,14 +196,14 @@ class CurveBlock(ResponseBlock):
         notes, worst = [], int(np.nanargmax(np.abs(by_levels)))
         if by_finer.max() > LARGEST_SHIFT:
             notes.append(
-                f"one mode and two harmonics more shift {names[int(by_finer.argmax())]} by {by_finer.max():.2g} "
+                f"one more mode and two more harmonics shift {names[int(by_finer.argmax())]} by {by_finer.max():.2g} "
                 "standard errors; give more (modes, harmonics)"
             )
         if abs(by_levels[worst]) > 1.0 and not any(self.excitation(number) for number, _ in self.numbered):
             notes.append(
-                f"the levels of the excitation count as exact: if all of them are 1 % too small, {names[worst]} shifts "
-                f"by {by_levels[worst]:+.2g} standard errors; if they are not that certain, add 'excitation' to the "
-                "unknowns and give it a prior"
+                f"the levels of the excitation are taken as exact: if all of them are 1 % too small, {names[worst]} "
+                f"shifts by {by_levels[worst]:+.2g} standard errors; if they are not that certain, add 'excitation' "
+                "to the unknowns and give it a prior"
             )
         return notes
 

@@ -772,7 +772,7 @@ class TestFailure:
         far = "targets = [100.0, 900.0]  # "
         (files / "beam.toml").write_text(edited(BEAM, ("targets = ", far), ("bounds = 0.10", "bounds = 0.01")))
         assert main(["run", "beam.toml", "match"]) == 1
-        assert "the targets are out of reach of these unknowns" in one_line(capsys)
+        assert "these unknowns cannot meet the targets" in one_line(capsys)
 
     def test_a_fit_that_does_not_converge(self, files, capsys, monkeypatch):
         def fails(*_, **__):

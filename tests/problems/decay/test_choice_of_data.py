@@ -310,7 +310,7 @@ def test_a_quantised_record_is_named_as_such_and_not_as_clipped_nor_as_another_m
     time = np.arange(0, 20, 0.01)
     fit = fit_decay(time, step * np.round(decay(time, 1.4, 0.01, amplitude) / step))
     assert covers(fit, 1.4, 0.01)
-    assert any(f"those of the resolution of the record, {step:g} m" in note for note in fit.warnings)
+    assert any(f"quantisation noise of a record with steps of {step:g} m" in note for note in fit.warnings)
     assert not [note for note in fit.warnings if "clipped" in note or "another mode" in note]
 
 

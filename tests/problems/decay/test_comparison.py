@@ -116,7 +116,7 @@ def test_the_criteria_count_independent_residuals():
         assert verdict.aicc[1] - verdict.aicc[0] == pytest.approx(aicc)
     nothing = judge([Candidate(name, 5000, 4.0, rms, rank, 0.9) for name, rms, rank in fitted])
     assert not nothing.settled
-    assert "5000 residuals that carry the information of 4 independent ones are too few" in nothing.warnings[0]
+    assert "5000 residuals, worth 4 independent ones, are too few" in nothing.warnings[0]
 
 
 @pytest.mark.slow

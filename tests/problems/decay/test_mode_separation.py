@@ -119,7 +119,7 @@ def test_two_close_modes_that_beat_are_kept():
 def test_what_fades_within_a_period_is_no_mode():
     y = swing(*MODES[0]) + 0.005 * np.exp(-12.0 * TIME) * np.cos(15.0 * TIME) + 2e-5 * noise(8)
     (fit,) = fit_modes(TIME, y, modes=2)
-    assert any("is no mode" in note or "supports 1 of 2" in note for note in fit.warnings)
+    assert any("is not a mode" in note or "supports 1 of 2" in note for note in fit.warnings)
 
 
 @pytest.mark.parametrize("order", [2, pytest.param(3, marks=pytest.mark.slow)])
@@ -130,7 +130,7 @@ def test_a_harmonic_is_no_mode_and_the_note_names_its_mode(order):
     low, high = fits = fit_modes(TIME, y)
     assert (low.frequency, high.frequency) == pytest.approx((11.6 / (2 * math.pi), 13.3), rel=1e-3)
     (note,) = (note for note in fits.warnings if "harmonic" in note)
-    assert f"is no mode but harmonic {order} of the mode near 1.846 Hz" in note
+    assert f"is not a mode but harmonic {order} of the mode near 1.846 Hz" in note
 
 
 def test_a_mode_at_twice_the_frequency_with_its_own_damping_is_no_harmonic():

@@ -3,6 +3,7 @@
 import json
 import math
 import os
+import runpy
 import signal
 import subprocess
 import sys
@@ -15,6 +16,7 @@ import jsonschema
 import numpy as np
 import pytest
 
+from ancf_casadi.figures.files import figure_bytes
 from ancf_casadi.version import __version__
 from problems.cli import main
 from problems.paper import inputs
@@ -26,6 +28,7 @@ from tests.problems.conftest import without_times
 from tests.problems.paper import numbers as paper
 from tests.test_docstrings import check_examples
 
+DOCS = Path(__file__).parents[3] / "docs"
 PROPORTIONAL = (0.0100, 0.0028, 0.003358, 0.005656, 0.009057)  # Eq. (16) with alpha 0.228181 and beta 3.18013e-5
 PROMISED = {
     "modal_identification": {"mode", "frequency_hz", "frequency_stderr_hz", "damping_ratio", "damping_ratio_stderr"},
@@ -263,7 +266,7 @@ def test_a_study_that_is_interrupted_ends_at_once(tmp_path, count):
 
 
 @pytest.mark.slow
-def test_the_command_reproduces_the_paper(tmp_path):
+def test_the_command_reproduces_the_paper(tmp_path, likeness):
     """All tables and figures of a quick look, and values within a few per cent."""
     results = finished(run("reproduce", "--out", tmp_path / "whole"))
     assert results == json.loads((tmp_path / "whole" / "results.json").read_text())
@@ -286,3 +289,6 @@ def test_the_command_reproduces_the_paper(tmp_path):
             assert abs(row["damping_ratio"] - expected) < 0.03 * expected + 4 * row["damping_ratio_stderr"]
     assert results["frequency_matching"]["max_relative_error"] < 1e-6
     assert results["uniform_beam"]["max_relative_error"] == pytest.approx(0.0299, abs=2e-4)
+    overview = runpy.run_path(str(DOCS / "overview.py"))["overview"]
+    (tmp_path / "overview.png").write_bytes(figure_bytes(overview(results)))
+    assert likeness(tmp_path / "overview.png", DOCS / "overview.png") > 0.98

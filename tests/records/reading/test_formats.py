@@ -268,7 +268,7 @@ class TestNumpy:
         np.savez(path, date=np.arange(TIME.size).view(f"M8[{unit}]"), time=TIME, x_mm=MM)
         recording = read_recording(path)
         assert [channel.name for channel in recording.channels] == ["x_mm"]
-        assert "the dates in 'date' cannot be counted in s, and are left out" in recording.notes
+        assert "the dates in 'date' cannot be converted to seconds, and are left out" in recording.notes
         np.save(tmp_path / "record.npy", np.arange(TIME.size).view(f"M8[{unit}]"))
         with pytest.raises(InputError, match=r"record.npy: has no channels of numbers"):
             read_recording(tmp_path / "record.npy")

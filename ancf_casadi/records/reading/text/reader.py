@@ -183,7 +183,7 @@ class _Reader:
         if first is None:
             return block
         self.notes.append(
-            f"line {line + first}, {lines[first].strip()[:40]!r}, and what follows are no numbers: left out"
+            f"line {line + first}, {lines[first].strip()[:40]!r}, and the lines below: not numbers, left out"
         )
         return block[: sum(len(text_line) + 1 for text_line in block.split(b"\n")[:count])]
 

@@ -147,7 +147,7 @@ def test_words_at_the_end_are_left_out_with_a_note(tmp_path, end, comma):
     assert recording.channel().values.tolist() == [float(k) for k in range(20)]
     (note,) = recording.notes
     first = end.strip().splitlines()[0]
-    assert note == f"line {22 + end.startswith(chr(10))}, {first!r}, and what follows are no numbers: left out"
+    assert note == f"line {22 + end.startswith(chr(10))}, {first!r}, and the lines below: not numbers, left out"
 
 
 @pytest.mark.parametrize(

@@ -165,7 +165,7 @@ def _other_records(fits: Sequence[DecayFit], truth: int, rival: int) -> dict[str
     later_amplitude = cs.evalf(pair[0].model.amplitude(later_times[:1], *map(cs.MX, pair[0].fit.values.tolist())))
     amplitude_ratio = float(later_amplitude) / pair[0].fit["e0"]
     records = {"twice the amplitude": (2.0, time), "twice the length": (1.0, np.concatenate([time, later_times])),
-               "a later begin": (amplitude_ratio, time)}  # fmt: skip
+               "a later start": (amplitude_ratio, time)}  # fmt: skip
     expectations = {}
     for name, (size, instants) in records.items():
         exact = Measurement(instants, pair[0].decay.at(instants, _scaled_estimates(pair[0], size)))

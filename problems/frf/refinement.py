@@ -184,7 +184,7 @@ def limitations(trial: TrialFit, fit: Fit) -> list[str]:
     if focus > MOST_CONCENTRATION:
         notes.append(
             f"the residuals are not noise: their power is concentrated {focus:.2g} times as much; a mode may be "
-            "missing, the motion may be nonlinear, or the measurement may leak, and the errors allow for it in part"
+            "missing, the motion may be nonlinear, or there may be leakage; the errors allow for this in part only"
         )
     return notes
 

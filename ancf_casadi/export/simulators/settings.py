@@ -194,8 +194,8 @@ def damping_coefficients(laws: Iterable[DampingLaw], modes: Modes, amplitude: fl
             alpha, beta = alpha + law_alpha, beta + law_beta
             warnings.append(
                 f"{type(law).__name__} becomes alpha = {law_alpha:.4g} 1/s and beta = {law_beta:.4g} s, which meet the "
-                f"damping ratio of mode 1 at a tip amplitude of {amplitude:.4g} m, and further ratios of the law as "
-                "well as these two can"
+                f"damping ratio of mode 1 at a tip amplitude of {amplitude:.4g} m, and those of higher modes as "
+                "closely as two coefficients allow"
             )
     return DampingCoefficients(alpha, beta, eta1, eta2, tuple(warnings))
 

@@ -289,7 +289,7 @@ def test_an_open_choice_averages_its_laws(open_choice):
 @pytest.mark.slow
 def test_an_open_choice_names_the_record_that_decides(open_choice):
     chances = open_choice.deciding
-    assert chances["twice the amplitude"] > chances["a later begin"]
+    assert chances["twice the amplitude"] > chances["a later start"]
     assert chances["5 records"] > chances["2 records"]
     assert open_choice.to_dict()["deciding"] == chances
     assert "right choice of the two most probable, with other records: 2 records 0." in open_choice.table().text()

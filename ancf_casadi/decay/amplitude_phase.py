@@ -54,6 +54,7 @@ class Track:
     number: Index  # number of each window (k,), from 0 at the first sample; those left out are missing
     is_visible: NDArray[np.bool_]  # True where it stands out of the noise (k,); may be False before the largest one
     length: float  # of a window, s
+    step: float  # typical step of the record, s
     ω: float  # frequency of the carrier, rad/s
 
     @property
@@ -98,7 +99,7 @@ def track_oscillation(
         shown = is_visible(np.abs(z), error, counts[number])
         if not to_end:
             end = next((k for k in range(int(np.argmax(np.abs(z))) + 1, end) if not shown[k]), end)
-    return Track(middle[:end], z[:end], number[:end], shown[:end], size * step, ω)
+    return Track(middle[:end], z[:end], number[:end], shown[:end], size * step, step, ω)
 
 
 def cumulative_integral(time: Array, rate: Array) -> Array:

@@ -47,15 +47,18 @@ from ancf_casadi.decay.amplitude_phase import (
 from ancf_casadi.decay.bic import MODEL_ERROR, larger_model_is_evident
 from ancf_casadi.decay.outliers import without_outliers
 from ancf_casadi.decay.spectrum import GAP, MIN_WINDOW_SAMPLES, peak_frequencies, step_frequency, typical_step
+from ancf_casadi.exceptions import InputError
 from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.records.processing import resolution, without_line
 from ancf_casadi.support.arrays import Array, ComplexArray, Index
-from ancf_casadi.support.inputs import check_instance
+from ancf_casadi.support.inputs import check_instance, number
 
 # Tests that fail: test_a_record_in_which_nothing_oscillates_is_refused (either minimum halved),
 # test_an_excitation_that_grows_out_of_the_noise_is_not_taken_for_rest_and_release (REST_SWING doubled, RELEASE_SWING
 # halved), test_a_release_after_rest_is_no_excitation (RELEASE_SWING doubled), test_a_plain_decay_is_never_cut
-# (MIN_WINDOWS halved), and test_the_decay_begins_at_the_first_sample_in_motion (MOTION_LEVEL halved).
+# (MIN_WINDOWS halved), test_the_decay_begins_at_the_first_sample_in_motion (MOTION_LEVEL halved), and
+# test_a_record_is_refused_from_a_share_of_gaps_of_95_percent_on (MAX_LENGTH either way).
+MAX_LENGTH = 20.0  # length of a record, in lengths of its samples without the gaps
 MIN_SAMPLES = 10
 MIN_PERIODS = 1.5  # fewer do not show whether the beam rests or moves
 REST_SWING = 0.25  # largest swing of a window at rest, relative to all; with a free oscillation it is at least 0.5
@@ -78,41 +81,54 @@ class Release:
 
     index: int  # of the first sample of the decay
     reason: str  # the first sample, the end of rest, the end of an excitation, the end of a gap, or given
+    frequency: float = 0.0  # of the strongest oscillation before and after it, Hz; 0 if there are too few samples
     notes: tuple[str, ...] = ()  # reasons for doubt
 
 
-def find_release(time: Array, measured: Array) -> Release:
-    """Return the start of the free decay in values of any sensor, the first unless rest or an excitation precedes."""
+def find_release(time: Array, measured: Array, release_time: float | None = None) -> Release:
+    """Return the start of the free decay in values of any sensor: given, or detected after rest or an excitation.
+
+    Of a record with several releases, it is the last one.
+    """
     if len(time) < MIN_SAMPLES or np.ptp(measured) == 0.0:
         return Release(0, "the first sample")
-    takes = find_takes(time, measured)
-    if takes:
-        times = ", ".join(f"{time[take.start]:.4g} s" for take in takes)
-        note = f"the record holds {len(takes)} releases, at about {times}; the last one is fitted (all: {ALL_RELEASES})"
-        last = find_release(time[takes[-1].start :], measured[takes[-1].start :])
-        return Release(takes[-1].start + last.index, "the last of several releases", (note, *last.notes))
-    period = 1 / step_frequency(time, without_line(time, measured))
-    rest_end, grows_slowly_after = _find_end_of_rest(time, measured, period)
-    excitation_end = rest_end + find_end_of_excitation(time[rest_end:], measured[rest_end:])
+    step = typical_step(time)
+    if time[-1] - time[0] > MAX_LENGTH * step * len(time):
+        share = 1 - step * len(time) / (time[-1] - time[0])
+        raise InputError(f"consists of gaps for {share:.0%} of its length; cut out the part with the decay", "record")
+    takes = [] if release_time is not None else find_takes(time, measured)
+    before = takes[-1].start if takes else 0  # samples of earlier takes
+    t, y = time[before:], measured[before:]
+    swing = without_line(t, y)
+    frequency = step_frequency(t, swing)
+    if release_time is not None:
+        return Release(int(np.searchsorted(t, number(release_time, "release_time") - 1e-6 * step)), "given", frequency)
+    rest_end, grows_slowly_after = _find_end_of_rest(t, y, swing, 1 / frequency, step)
+    excitation_end = rest_end + find_end_of_excitation(t[rest_end:], y[rest_end:])
     if excitation_end == rest_end and grows_slowly_after:
-        excitation_end = find_end_of_excitation(time, measured)  # the rest may be a weak excitation
-    begin = _after_gaps(time, max(rest_end, excitation_end), period)
-    gap = float(time[begin] - time[begin - 1]) if begin else 0.0
-    reason = "the end of rest" if rest_end else "the first sample"
+        excitation_end = find_end_of_excitation(t, y)  # the rest may be a weak excitation
+    begin = _skip_gaps(t, max(rest_end, excitation_end), 1 / frequency, step)
+    reason, notes = "the end of rest" if rest_end else "the first sample", list[str]()
     if excitation_end > rest_end:
         reason = "the end of an excitation"
-    if gap <= GAP * typical_step(time):
-        return Release(begin, reason)
-    note = (
-        f"a gap of {gap:.3g} s hides the release or follows it closely; the decay is taken from the end of the gap on, "
-        f"{time[begin]:g} s"
-    )
-    return Release(begin, "the end of a gap", (note,))
+    if takes:
+        reason, times = "the last of several releases", ", ".join(f"{time[take.start]:.4g} s" for take in takes)
+        notes.append(
+            f"the record holds {len(takes)} releases, at about {times}; the last one is fitted (all: {ALL_RELEASES})"
+        )
+    gap = float(t[begin] - t[begin - 1]) if begin else 0.0
+    if gap > GAP * step:
+        reason = reason if takes else "the end of a gap"
+        notes.append(
+            f"a gap of {gap:.3g} s hides the release or follows it closely; the decay is taken from the end of the gap "
+            f"on, {t[begin]:g} s"
+        )
+    return Release(before + begin, reason, frequency, tuple(notes))
 
 
-def _after_gaps(time: Array, begin: int, period: float) -> int:
+def _skip_gaps(time: Array, begin: int, period: float, step: float) -> int:
     """Return the first sample after all gaps that follow the begin too closely to distinguish rest from motion."""
-    longest = max(period / 2, GAP * typical_step(time))
+    longest = max(period / 2, GAP * step)
     first_periods = slice(begin, int(np.searchsorted(time, time[begin] + 4 * MIN_PERIODS * period)))
     for gap in (begin + np.flatnonzero(np.diff(time[first_periods]) > longest)).tolist():
         if time[gap] - time[begin] < MIN_PERIODS * period:
@@ -120,24 +136,24 @@ def _after_gaps(time: Array, begin: int, period: float) -> int:
     return begin
 
 
-def _find_end_of_rest(time: Array, displacement: Array, period: float) -> tuple[int, bool]:
+def _find_end_of_rest(
+    time: Array, measured: Array, without_drift: Array, period: float, step: float
+) -> tuple[int, bool]:
     """Return the index of the first sample after rest, 0 if there is none, and whether the swing then grows slowly."""
-    step = typical_step(time)
     min_samples = min(MIN_WINDOW_SAMPLES, max(MIN_WINDOW_SAMPLES // 2, math.ceil(period / step)))
     width = max(period / 2, (min_samples - 1) * step)
     last_indices = np.maximum(np.searchsorted(time, time + width - step / 2), np.arange(len(time)) + min_samples - 1)
     last_indices = last_indices[last_indices < len(time)]
     if not last_indices.size:
         return 0, False
-    without_drift = without_line(time, displacement)
     swing = _sliding_maximum(without_drift, last_indices) + _sliding_maximum(-without_drift, last_indices)
     has_no_hole = _sliding_maximum(np.append(np.diff(time), 0.0), last_indices - 1) <= max(width / 2, 2.5 * step)
     rest_windows = np.flatnonzero((has_no_hole & (swing <= REST_SWING * swing.max()))[: int(np.argmax(swing))])
     if rest_windows.size == 0:
         return 0, False
     begin, end = int(rest_windows[-1]), int(last_indices[rest_windows[-1]])
-    level = np.median(displacement[begin : end + 1])
-    departure = np.abs(displacement - level)
+    level = np.median(measured[begin : end + 1])
+    departure = np.abs(measured - level)
     at_rest = departure <= max(MOTION_LEVEL * swing.max(), 3 * np.median(departure[begin : end + 1]))
     last_at_rest = begin + int(np.flatnonzero(at_rest[begin : end + 1])[-1])
     while at_rest[last_at_rest + 1 : last_at_rest + 3].any():  # beyond the window, which ends before a hole
@@ -204,7 +220,7 @@ def find_end_of_excitation(time: Array, displacement: Array) -> int:
     if not all(is_evident(_modes_misfit(k, z, modes), best_misfit, 10 - 4 * modes) for modes in (2, 3)):
         return 0
     latest_end = max(s for s, misfit in misfits.items() if not is_evident(misfit, best_misfit, 0))
-    return int(np.searchsorted(time, time[0] + track.number[latest_end] * track.length - typical_step(time) / 2))
+    return int(np.searchsorted(time, time[0] + track.number[latest_end] * track.length - track.step / 2))
 
 
 def _motion_power(z: ComplexArray, values: Array) -> float:
@@ -248,8 +264,7 @@ def find_takes(time: Array, measured: Array) -> list[slice]:
     motion = _motion_power(z, measured)
     if not larger_model_is_evident(single_misfit, takes_misfit, 2 * len(z), 5 * len(takes), motion):
         return []
-    step = typical_step(time)
-    edges = time[0] + track.length * np.append(track.number, track.number[-1] + 1) - step / 2
+    edges = time[0] + track.length * np.append(track.number, track.number[-1] + 1) - track.step / 2
     return [slice(*np.searchsorted(time, edges[[take.start, take.stop]]).tolist()) for take in takes]
 
 

@@ -280,7 +280,7 @@ class DecayModel:
 
     def change(self, amplitude: Array, *terms: float) -> Array:
         """Return the relative change of the frequency at amplitudes (m), given values of ``frequency_terms``."""
-        return np.asarray(cs.evalf(self._change(_column(amplitude), [cs.MX(term) for term in terms])).full().ravel())
+        return evaluate(self._change(_column(amplitude), [cs.MX(term) for term in terms]))
 
     def _change(self, amplitude: cs.MX, frequency_terms: Symbols) -> cs.MX:
         """Return the relative change of the frequency at an amplitude (m)."""
@@ -383,6 +383,11 @@ class DecayModel:
         release = len(x) - 2 - len(REST_TERMS[self.rest])
         damping_end = release - len(self.frequency_terms)
         return x[0], x[1:damping_end], x[damping_end:release], x[release : release + 2], x[release + 2 :]
+
+
+def evaluate(expression: cs.MX) -> Array:
+    """Return the values (m,) of an expression without symbols."""
+    return np.asarray(cs.evalf(expression)).ravel()
 
 
 def _column(values: Array) -> cs.MX:

@@ -33,9 +33,9 @@ from ancf_casadi.estimation.agreement import DISAGREE, subset_estimates
 from ancf_casadi.estimation.fit import colour_warning
 from ancf_casadi.exceptions import FitError, InputError
 from ancf_casadi.records.measurement import Measurement
-from ancf_casadi.records.processing import resolution
 from ancf_casadi.support.tables import with_error
-from problems.decay.block import NOISE_FREE, late_residuals
+from problems.decay.block import late_residuals
+from problems.decay.free_decay import NOISE_FREE
 
 if TYPE_CHECKING:
     from problems.decay.result import DecayFit
@@ -138,7 +138,7 @@ def explained_share(fit: DecayFit) -> float:
     return motion / (motion + unexplained) if motion else 0.0
 
 
-def refuse_unexplained(decay: DecayFit, record: Measurement) -> None:
+def refuse_unexplained(decay: DecayFit) -> None:
     """Raise a FitError if the decay explains less than half of its motion, or the record cannot show it.
 
     The latter is the case for a random response, and for an oscillation of few steps of the resolution.
@@ -146,7 +146,7 @@ def refuse_unexplained(decay: DecayFit, record: Measurement) -> None:
     share = decay.explained_share
     if math.isnan(share):  # one of several modes
         return
-    step, size = resolution(record.values), decay.amplitude * _speed(decay)
+    step, size = decay.decay.resolution, decay.amplitude * _speed(decay)
     if size < MIN_RESOLUTION_STEPS * step and decay.residual_rms < DITHER * step:
         raise FitError(
             f"the oscillation is {size / step:.1f} steps of {f'{step:.2g} {decay.model.sensor.unit}'.rstrip()} large, "
@@ -154,7 +154,7 @@ def refuse_unexplained(decay: DecayFit, record: Measurement) -> None:
         )
     since = f"from {decay.release_time:g} s on"
     residuals_near_mode = share < MIN_EXPLAINED and 0.5 < _residual_frequency(decay) / decay.frequency < 1.5
-    if decay.release_reason.startswith(DETECTED_REASONS) and (residuals_near_mode or _is_random(decay, record)):
+    if decay.release_reason.startswith(DETECTED_REASONS) and (residuals_near_mode or _is_random(decay)):
         growth = "".join(f", or {note.partition(':')[0]}" for note in decay.notes if note.startswith(GROWS))
         raise FitError(
             f"the record looks like a response to a random excitation, not a free decay{growth}: a decay {since} "
@@ -169,19 +169,19 @@ def refuse_unexplained(decay: DecayFit, record: Measurement) -> None:
         )
 
 
-def _is_random(decay: DecayFit, record: Measurement) -> bool:
+def _is_random(decay: DecayFit) -> bool:
     """Return whether free modes fail to explain the decay, or rest and a harmonic excitation the record before it."""
-    ω, length = 2 * math.pi * decay.frequency, len(decay.time)
+    ω, source, before = 2 * math.pi * decay.frequency, decay.decay.source, decay.decay.guess.release
     share = 1 - decay.explained_share
-    free = unexplained_share(decay.time, record.values[-length:], ω) if share > SMALL_UNEXPLAINED else 0.0
+    free = unexplained_share(decay.time, decay.measured, ω) if share > SMALL_UNEXPLAINED else 0.0
     if share > MAX_UNEXPLAINED and free > min(MAX_UNEXPLAINED, share / 3):  # another law or mode would explain more
         return True
-    forced, unforced = unexplained_before(record.time[:-length], record.values[:-length], ω, decay.damping_ratio * ω)
+    forced, unforced = unexplained_before(source.time[:before], source.values[:before], ω, decay.damping_ratio * ω)
     decay_power = float(np.var(decay.measured + decay.residuals))
-    before, after = len(record.time) - length, length
     after_rest = decay.release_reason == "the end of rest"
     allowed = MAX_UNEXPLAINED_BEFORE if free <= SMALL_UNEXPLAINED else MAX_UNEXPLAINED_BEFORE / 3
-    return before * (unforced + after_rest * forced) > allowed * (before * (forced + unforced) + after * decay_power)
+    motion = before * (forced + unforced) + decay.samples * decay_power
+    return before * (unforced + after_rest * forced) > allowed * motion
 
 
 def _residual_frequency(decay: DecayFit) -> float:
@@ -196,7 +196,7 @@ def _residual_warning(decay: DecayFit, noise_free: float) -> str | None:
         return warning
     residual = f"{decay.residual_rms:.2g} {decay.model.sensor.unit}".rstrip()
     if _is_rounded(decay):
-        step = f"{resolution(decay.measured):.2g} {decay.model.sensor.unit}".rstrip()
+        step = f"{decay.decay.resolution:.2g} {decay.model.sensor.unit}".rstrip()
         return (
             f"the residuals ({residual} rms) are those of the resolution of the record, {step}; the standard errors "
             "allow for their colour"
@@ -219,7 +219,7 @@ def _residual_warning(decay: DecayFit, noise_free: float) -> str | None:
 
 def _is_rounded(decay: DecayFit) -> bool:
     """Return whether the residuals are as small as those of rounding to the resolution of the record."""
-    return decay.residual_rms < resolution(decay.measured) / 2
+    return decay.residual_rms < decay.decay.resolution / 2
 
 
 def _law_change_warning(decay: DecayFit) -> str | None:

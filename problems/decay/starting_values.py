@@ -28,7 +28,7 @@ from ancf_casadi.decay.amplitude_phase import (
 )
 from ancf_casadi.decay.bic import larger_model_is_evident
 from ancf_casadi.decay.phase import FrequencyLaw
-from problems.decay.block import FreeDecay
+from problems.decay.free_decay import FreeDecay
 from problems.decay.laws import DECAY_TERMS, EXPONENTS, DecayModel
 
 NONLINEAR_STARTS: Mapping[

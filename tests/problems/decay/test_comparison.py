@@ -19,8 +19,7 @@ from ancf_casadi.estimation.solver.unknown import Unknown
 from ancf_casadi.exceptions import FitError, InputError
 from ancf_casadi.records.measurement import Measurement
 from problems import compare_decay_laws, fit_decay, law_curve
-from problems.decay import comparison as comparison_module
-from problems.decay import fitting
+from problems.decay import free_decay
 from problems.decay.laws import DecayModel
 
 TIME = np.arange(0.0, 5.0, 1 / 500)
@@ -130,9 +129,8 @@ def test_a_long_linear_decay_is_a_linear_one():
 
 @pytest.mark.slow
 def test_the_release_is_detected_once(monkeypatch):
-    found, first_guess = [], comparison_module.first_guess
-    monkeypatch.setattr(comparison_module, "first_guess", lambda *a, **k: found.append(1) or first_guess(*a, **k))
-    monkeypatch.setattr(fitting, "first_guess", lambda *a, **k: found.append(1) or first_guess(*a, **k))
+    found, first_guess = [], free_decay.first_guess
+    monkeypatch.setattr(free_decay, "first_guess", lambda *a, **k: found.append(1) or first_guess(*a, **k))
     rest = np.arange(0.0, 5.5, 1 / 500)
     y = np.concatenate([np.full(250, record("linear")[0]), record("linear")])
     comparison = compare_decay_laws(rest, y)

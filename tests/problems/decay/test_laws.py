@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from ancf_casadi.decay.first_guess import first_guess
 from ancf_casadi.decay.smooth import SMOOTH_FREQUENCY
 from ancf_casadi.estimation import solve
 from ancf_casadi.exceptions import FitError, InputError
@@ -16,9 +15,9 @@ from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.records.sensor import Sensor
 from problems import amplitude_table, compare_decay_laws, fit_decay, law_curve
 from problems.decay import comparison as comparison_module
-from problems.decay.block import FreeDecay
 from problems.decay.comparison import FREQUENCY_LAWS_COMPARED, LAWS_COMPARED
 from problems.decay.fitting import fit_decays
+from problems.decay.free_decay import cut_at_release
 from problems.decay.laws import DecayModel
 from problems.decay.starting_values import amplitude_span
 from tests.coverage import covers
@@ -263,7 +262,7 @@ def test_a_smooth_frequency_reaches_to_half_the_smallest_visible_amplitude():
 
     def smallest(noise, time):
         measured = Measurement(time, record("linear", "linear", noise, time=time))
-        return E0 / amplitude_span([FreeDecay.of(measured, first_guess(measured, release_time=0.0))])
+        return E0 / amplitude_span([cut_at_release(measured, 0.0).about("constant")])
 
     assert smallest(1e-5, TIME) == pytest.approx(E0 * math.exp(-0.004 * ω * TIME[-1]), rel=0.05)
     samples = 200 / F  # in a period

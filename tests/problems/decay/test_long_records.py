@@ -7,7 +7,7 @@ import pytest
 
 from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.records.processing import project_on_cosines
-from problems.decay import block
+from problems.decay import free_decay
 from problems.decay.fitting import fit_decay, fit_decays
 
 NAMES = ("frequency", "damping_ratio", "amplitude", "offset")
@@ -27,7 +27,7 @@ def hammer(seed=0, samples=12000, rate=2400.0, amplitude=0.01):
 def test_fewer_samples_give_the_estimates_and_errors_of_all(law, monkeypatch):
     record = hammer()
     fewer = fit_decay(record, law=law)
-    monkeypatch.setattr(block, "MIN_REDUCED_LENGTH", record.time.size)
+    monkeypatch.setattr(free_decay, "MIN_REDUCED_LENGTH", record.time.size)
     every = fit_decay(record, law=law)
     assert (fewer.fitted_samples, every.fitted_samples) == (2500, 12000)
     assert fewer.samples == every.samples == len(fewer.residuals) == 12000

@@ -1,7 +1,7 @@
 """Damping against amplitude from the envelope of a free decay, without a damping law.
 
 The record is divided into successive windows of a few periods, and the decay in each is fitted on its own
-(``amplitude_phase``).  The damping ratio in the middle of a window is lambda/omega_n with the natural frequency
+(``local_decay``).  The damping ratio in the middle of a window is lambda/omega_n with the natural frequency
 omega_n = (omega^2 + lambda^2)^1/2.  If velocity (n = 1) or acceleration (n = 2) was measured, the amplitude of the
 record is divided by omega_n^n, and n d(ln omega)/dt is added to lambda; both are then those of the displacement.  The
 windows do not overlap.  Other oscillations, whose peaks stand out of the spectrum of the residuals, are fitted in each
@@ -34,9 +34,9 @@ from typing import Any
 import numpy as np
 import scipy  # its packages are imported on first use
 
-from ancf_casadi.decay.amplitude_phase import LocalDecay, local_decay, waves
 from ancf_casadi.decay.bic import is_visible
 from ancf_casadi.decay.first_guess import first_guess
+from ancf_casadi.decay.local_decay import LocalDecay, local_decay, waves
 from ancf_casadi.decay.spectrum import MIN_WINDOW_SAMPLES, strongest_peak, typical_step
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.records.measurement import Measurement

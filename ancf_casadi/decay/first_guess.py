@@ -3,7 +3,7 @@
 A record may begin at rest or with an excitation (``release``).  From the release on, the highest peak of the spectrum
 gives the frequency.  For each decay rate of a list, the linear coefficients are fitted to the samples at their own
 times; the rate with the smallest residuals is taken.  With gaps, several peaks of the spectrum are candidates
-(``spectrum``).  Each is refined by the iteration of ``amplitude_phase``, and the one with the smallest residuals is
+(``spectrum``).  Each is refined by the iteration of ``local_decay``, and the one with the smallest residuals is
 taken; if another explains the record nearly as well, a note says that the frequency is ambiguous.
 
 References
@@ -22,8 +22,8 @@ from dataclasses import dataclass, replace
 import casadi as cs
 import numpy as np
 
-from ancf_casadi.decay.amplitude_phase import local_decay
 from ancf_casadi.decay.bic import larger_model_is_evident
+from ancf_casadi.decay.local_decay import local_decay
 from ancf_casadi.decay.release import MIN_PERIODS, MIN_SAMPLES, MOTION_LEVEL, Release, find_release, grows_slowly
 from ancf_casadi.decay.rest_position import REST_TERMS, Rest, rest_position
 from ancf_casadi.decay.spectrum import peak_frequencies

@@ -6,12 +6,8 @@ closed forms hold from any later instant on.  A window holds the samples at thei
 than half its length may hide a swing and is not taken for rest.
 
 Excitation.  Relative to a carrier near its frequency, the record is y = Re(z exp(i omega t)) with a slow z, estimated
-in windows of whole periods (``amplitude_phase``).  A free mode has z_k = a q^k.  Under a harmonic force z is a steady
-response and a transient,
-
-    z_k = B p^k + C q^k,    |p| = 1,
-
-so that an excitation that ends in window s - 1 leaves the misfit
+in windows of whole periods (``track``).  A free mode has z_k = a q^k, and a harmonic force leads to B p^k + C q^k with
+|p| = 1, so that an excitation that ends in window s - 1 leaves the misfit
 
     S(s) = min sum_{k < s-1} |z_k - B p^k - C q^k|^2 + min sum_{k >= s} |z_k - a q^k|^2
 
@@ -23,11 +19,6 @@ a fit.
 
 Gaps.  A piece of less than one and a half periods between the release and a gap is left out, because it does not show
 whether the beam rests or moves.  If the decay begins at the end of a gap, a note says so.
-
-References
-----------
-Y. Hua, T. K. Sarkar, Matrix pencil method for estimating parameters of exponentially damped/undamped sinusoids in
-noise, IEEE Transactions on Acoustics, Speech, and Signal Processing 38 (1990).
 """
 
 from __future__ import annotations
@@ -37,16 +28,18 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ancf_casadi.decay.amplitude_phase import (
-    Track,
-    cumulative_integral,
-    fit_loss_rates,
-    track_oscillation,
-    weighted_least_squares,
-)
 from ancf_casadi.decay.bic import MODEL_ERROR, larger_model_is_evident
 from ancf_casadi.decay.outliers import without_outliers
 from ancf_casadi.decay.spectrum import GAP, MIN_WINDOW_SAMPLES, peak_frequencies, step_frequency, typical_step
+from ancf_casadi.decay.track import (
+    Track,
+    fit_forced_response,
+    fit_free_tails,
+    one_mode_misfit,
+    scatter_misfit,
+    several_modes_misfit,
+    track_oscillation,
+)
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.records.processing import resolution, without_line
@@ -96,14 +89,15 @@ def find_release(time: Array, measured: Array, release_time: float | None = None
     if time[-1] - time[0] > MAX_LENGTH * step * len(time):
         share = 1 - step * len(time) / (time[-1] - time[0])
         raise InputError(f"consists of gaps for {share:.0%} of its length; cut out the part with the decay", "record")
-    takes = [] if release_time is not None else find_takes(time, measured)
+    swing = without_line(time, measured)
+    frequency = step_frequency(time, swing)
+    if release_time is not None:
+        begin = int(np.searchsorted(time, number(release_time, "release_time") - 1e-6 * step))
+        return Release(begin, "given", frequency)
+    takes = find_takes(time, measured)
     before = takes[-1].start if takes else 0  # samples of earlier takes
     t, y = time[before:], measured[before:]
-    swing = without_line(t, y)
-    frequency = step_frequency(t, swing)
-    if release_time is not None:
-        return Release(int(np.searchsorted(t, number(release_time, "release_time") - 1e-6 * step)), "given", frequency)
-    rest_end, grows_slowly_after = _find_end_of_rest(t, y, swing, 1 / frequency, step)
+    rest_end, grows_slowly_after = _find_end_of_rest(t, y, swing[before:], 1 / frequency, step)
     excitation_end = rest_end + find_end_of_excitation(t[rest_end:], y[rest_end:])
     if excitation_end == rest_end and grows_slowly_after:
         excitation_end = find_end_of_excitation(t, y)  # the rest may be a weak excitation
@@ -188,15 +182,14 @@ def find_end_of_excitation(time: Array, displacement: Array) -> int:
     z, windows = track.z, len(track.z)
     if windows < 2 * MIN_WINDOWS + 1:
         return 0
-    k = (track.time - track.time[0]) / track.length
-    motion = _motion_power(z, displacement)
+    k, motion = track.k, _motion_power(z, displacement)
 
     def is_evident(free: float, forced: float, unknowns: int) -> bool:
         return larger_model_is_evident(free, forced, 2 * windows, unknowns, motion)
 
-    log_q, free_misfits = _fit_tails(k, z)
+    log_q, free_misfits = fit_free_tails(k, z)
     single_misfit = float(free_misfits[0])
-    if not is_evident(single_misfit, _scatter_misfit(k, z, log_q[0]), 10 - 4):  # no smooth z is evident beside one mode
+    if not is_evident(single_misfit, scatter_misfit(k, z, log_q[0]), 10 - 4):  # no smooth z is evident beside one mode
         return 0
     misfits: dict[int, float] = {}
     sustained: dict[int, bool] = {}
@@ -204,7 +197,7 @@ def find_end_of_excitation(time: Array, displacement: Array) -> int:
     def best_end(ends: range) -> int:
         for s in ends:
             if s not in misfits:
-                misfit, sustained[s] = _fit_forced_response(k[:s], z[: s - 1], log_q[s])
+                misfit, sustained[s] = fit_forced_response(k[:s], z[: s - 1], log_q[s])
                 misfits[s] = (misfit + float(free_misfits[s])) * windows / (windows - 1)
         return min(misfits, key=lambda s: (misfits[s], s))
 
@@ -215,9 +208,9 @@ def find_end_of_excitation(time: Array, displacement: Array) -> int:
     best_misfit = misfits[end]  # of ten unknowns: q, its amplitude, B, p, C and s
     if not sustained[end] or not is_evident(single_misfit, best_misfit, 10 - 4):
         return 0
-    if not is_evident(_one_mode_misfit(k, z), best_misfit, 10 - 7):
+    if not is_evident(one_mode_misfit(k, z), best_misfit, 10 - 7):
         return 0
-    if not all(is_evident(_modes_misfit(k, z, modes), best_misfit, 10 - 4 * modes) for modes in (2, 3)):
+    if not all(is_evident(several_modes_misfit(k, z, modes), best_misfit, 10 - 4 * modes) for modes in (2, 3)):
         return 0
     latest_end = max(s for s, misfit in misfits.items() if not is_evident(misfit, best_misfit, 0))
     return int(np.searchsorted(time, time[0] + track.number[latest_end] * track.length - track.step / 2))
@@ -243,7 +236,7 @@ def find_takes(time: Array, measured: Array) -> list[slice]:
     z, A = track.z, track.amplitude
     if len(z) < 2 * MIN_WINDOWS + 1:
         return []
-    k = (track.time - track.time[0]) / track.length
+    k = track.k
     min_amplitude = REST_SWING * float(A.max())
     jumps = [0]
     for i in range(2, len(z) - 2):
@@ -256,9 +249,9 @@ def find_takes(time: Array, measured: Array) -> list[slice]:
     takes = [take for take in takes if take.stop - take.start >= MIN_WINDOWS + 1 and A[take].max() > min_amplitude]
     if len(takes) < 2:
         return []
-    single_misfit = min(_one_mode_misfit(k, z), _modes_misfit(k, z, 2), _modes_misfit(k, z, 3))
+    single_misfit = min(one_mode_misfit(k, z), several_modes_misfit(k, z, 2), several_modes_misfit(k, z, 3))
     window_share = sum(take.stop - take.start for take in takes) / len(z)  # and share of the noise in the takes
-    takes_misfit = sum(_one_mode_misfit(k[take] - k[take.start], z[take]) for take in takes) / window_share
+    takes_misfit = sum(one_mode_misfit(k[take] - k[take.start], z[take]) for take in takes) / window_share
     if takes_misfit > MAX_UNEXPLAINED_BY_TAKES * float(np.vdot(z, z).real):
         return []
     motion = _motion_power(z, measured)
@@ -299,20 +292,20 @@ def unexplained_before(time: Array, measured: Array, ω: float, λ: float) -> tu
     track = track_oscillation(time - time[0], measured, ω, max_windows=MAX_TAKE_WINDOWS, degree=1, to_end=True)
     if len(track.z) < 2 * MIN_WINDOWS + 1:
         return 0.0, 0.0
-    k, z = (track.time - track.time[0]) / track.length, track.z
-    noise = _scatter_misfit(k, z, _fit_tails(k, z)[0][0])
-    unexplained = max(_fit_forced_response(np.append(k, k[-1] + 1), z, complex(-λ * track.length))[0] - noise, 0.0)
+    k, z = track.k, track.z
+    noise = scatter_misfit(k, z, fit_free_tails(k, z)[0][0])
+    unexplained = max(fit_forced_response(np.append(k, k[-1] + 1), z, complex(-λ * track.length))[0] - noise, 0.0)
     return max(float(np.vdot(z, z).real) - noise - unexplained, 0.0) / (2 * len(k)), unexplained / (2 * len(k))
 
 
 def unexplained_share(time: Array, measured: Array, ω: float) -> float:
     """Return the share of a motion near a frequency (rad/s) that neither one nor two free modes nor noise explain."""
     track = track_oscillation(time - time[0], measured, ω, max_windows=MAX_WINDOWS, degree=1)
-    k, z = (track.time - track.time[:1]) / track.length, track.z
+    k, z = track.k, track.z
     if len(z) < 2 * MIN_WINDOWS + 1:
         return 0.0
-    noise = _scatter_misfit(k, z, _fit_tails(k, z)[0][0])
-    return max(min(_one_mode_misfit(k, z), _modes_misfit(k, z, 2)) - noise, 0.0) / float(np.vdot(z, z).real)
+    noise = scatter_misfit(k, z, fit_free_tails(k, z)[0][0])
+    return max(min(one_mode_misfit(k, z), several_modes_misfit(k, z, 2)) - noise, 0.0) / float(np.vdot(z, z).real)
 
 
 def grows_slowly(time: Array, displacement: Array, frequency: float) -> bool:
@@ -331,92 +324,3 @@ def grows_slowly(time: Array, displacement: Array, frequency: float) -> bool:
 
 def _track_windows(time: Array, values: Array, frequency: float) -> Track:
     return track_oscillation(time - time[0], values, 2 * math.pi * frequency, max_windows=MAX_WINDOWS, degree=1)
-
-
-def _fit_tails(k: Array, z: ComplexArray) -> tuple[ComplexArray, Array]:
-    """Return ln q of the free decay from each window to the last, and its misfit, by weighted regression of ln z."""
-    w = np.abs(z) ** 2
-    logarithm = np.log(np.abs(z)) + 1j * np.unwrap(np.angle(z))
-
-    def sum_from(values: ComplexArray | Array) -> ComplexArray:
-        return np.asarray(np.cumsum(values[::-1])[::-1], dtype=complex)
-
-    s0, s1, s2 = sum_from(w), sum_from(w * k), sum_from(w * k**2)
-    f0, f1, f2 = sum_from(w * logarithm), sum_from(w * k * logarithm), sum_from(w * np.abs(logarithm) ** 2)
-    spread = s2 - s1**2 / s0
-    spread[-1] = 1.0
-    log_q = (f1 - s1 * f0 / s0) / spread
-    misfit = (f2 - np.abs(f0) ** 2 / s0 - np.abs(log_q) ** 2 * spread).real
-    return log_q, np.maximum(misfit, 0.0)
-
-
-def _scatter_misfit(k: Array, z: ComplexArray, log_q: complex) -> float:
-    """Return the misfit of a smooth curve of any shape, from the second differences of z/q^k in successive windows."""
-    detrended = z * np.exp(-log_q * k)
-    amplitude = np.abs(z[1:-1] / detrended[1:-1])
-    squares = ((np.abs(np.diff(detrended, 2)) * amplitude) ** 2)[k[2:] - k[:-2] < 2.5]
-    return float(np.mean(squares)) / 6 * len(z) if squares.size else math.inf
-
-
-def _fit_forced_response(k: Array, y: ComplexArray, log_q: complex) -> tuple[float, bool]:
-    """Fit a forced response to z = y in all windows k but the last, the first sum of S(s).
-
-    Return its misfit, and whether the force sustains the motion: it beats with the mode, or supplies more than half of
-    the energy that the free mode would lose.
-    """
-    k, s = k[:-1], float(k[-1])
-    decay = np.exp(log_q * (k - s))
-    centre_angle, width = 0.0, math.pi / 2
-    decay_projection, energy = np.vdot(decay, y), float(np.vdot(decay, decay).real)
-
-    def fit_force(angles: Array) -> tuple[Array, ComplexArray, ComplexArray]:
-        steady = np.exp(1j * np.outer(angles, k))
-        cross, projection = steady.conj() @ decay, steady.conj() @ y
-        determinant = np.maximum(len(y) * energy - np.abs(cross) ** 2, 1e-9 * len(y) * energy)
-        B = (energy * projection - cross * decay_projection) / determinant
-        C = (decay_projection - cross.conj() * B) / energy
-        return np.vdot(y, y).real - (B.conj() * projection + C.conj() * decay_projection).real, B, C
-
-    for zoom in range(4):
-        angles = centre_angle + width * np.linspace(-1.0, 1.0, math.ceil(4 * s) + 9 if zoom == 0 else 9)
-        misfits, B, C = fit_force(angles)
-        best_index = int(np.argmin(misfits))
-        centre_angle, width = float(angles[best_index]), float(angles[1] - angles[0])
-    model = B[best_index] * np.exp(1j * centre_angle * k) + C[best_index] * decay
-    power, loss = np.abs(model) ** 2, 1 - math.exp(2 * log_q.real)
-    beats = abs(centre_angle - log_q.imag) * s > math.pi
-    supplied_energy = float(np.sum(power[1:] - power[:-1] * (1 - loss) ** np.diff(k)))
-    sustained = log_q.real < 0.0 and (beats or supplied_energy > loss * float(np.sum(power[:-1])) / 2)
-    return float(np.sum(np.abs(y - model) ** 2)), sustained
-
-
-def _one_mode_misfit(k: Array, z: ComplexArray) -> float:
-    """Return the misfit of one free mode with dA/dk = -c - a A - b A^2 and a frequency that depends on A^2."""
-    A = np.abs(z)
-    loss = fit_loss_rates(A, [cumulative_integral(k, 1 / A), k, cumulative_integral(k, A)])[2]
-    return (
-        loss + weighted_least_squares([np.ones(len(z)), k, cumulative_integral(k, A**2)], np.unwrap(np.angle(z)), A)[1]
-    )
-
-
-def _modes_misfit(k: Array, z: ComplexArray, modes: int) -> float:
-    """Return the misfit of several free modes, by the matrix pencil."""
-    all_windows = np.arange(round(k[-1]) + 1.0)
-    logarithm = np.log(np.abs(z)) + 1j * np.unwrap(np.angle(z))
-    filled = np.exp(np.interp(all_windows, k, logarithm))
-    hankel = np.lib.stride_tricks.sliding_window_view(filled, len(filled) // 2 + 1)
-    vectors = np.linalg.svd(hankel, full_matrices=False)[2][:modes].T
-    poles = np.linalg.eigvals(np.linalg.lstsq(vectors[:-1], vectors[1:])[0])
-
-    def residuals(log_poles: Array) -> Array:
-        growth, turn = np.split(log_poles, 2)
-        basis = np.exp(np.outer(k, np.minimum(growth, 0.0) + 1j * turn))
-        misfit = z - basis @ np.linalg.lstsq(basis, z)[0]
-        return np.concatenate([misfit.real, misfit.imag])
-
-    start = np.concatenate([np.log(np.maximum(np.abs(poles), np.finfo(float).tiny)), np.angle(poles)])
-    if len(k) == len(all_windows) and np.allclose(k, all_windows):
-        return float(np.sum(residuals(start) ** 2))
-    from scipy.optimize import least_squares  # slow to import, and rarely needed
-
-    return 2 * float(least_squares(residuals, start).cost)

@@ -35,7 +35,7 @@ from ancf_casadi.support.inputs import is_sequence, shown
 from ancf_casadi.support.interrupts import lasting_interrupts
 from problems.decay.block import DecayBlock
 from problems.decay.free_decay import FreeDecay, clean_record, cut_at_release
-from problems.decay.laws import DECAY_TERMS, RATIO_BOUNDS, DecayModel, Law
+from problems.decay.laws import DAMPING_TERMS, RATIO_BOUNDS, DecayModel, Law
 from problems.decay.limitations import refuse_unexplained
 from problems.decay.result import DecayFit
 from problems.decay.solution import fit_one_mode
@@ -46,9 +46,6 @@ FREQUENCY_LAWS_COMPARED: tuple[FrequencyLaw, ...] = ("constant", "linear", "quad
 RESTS_COMPARED: tuple[Rest, ...] = ("constant", "drift", "creep")
 MAX_LAG = 100.0  # lag of the criterion beyond which a law is not tried again beside another law; 10 would be clear
 MODEL_CHOICES = ("law", "frequency_law", "rest")  # in which combinations differ
-ADDITIVE: Mapping[Law, tuple[str, ...]] = {  # unknowns that are terms of the damping
-    law: ("zeta",) if law in ("linear", "power", "smooth") else terms for law, terms in DECAY_TERMS.items()
-}
 
 
 @lasting_interrupts()
@@ -105,7 +102,7 @@ def compare_decay_laws(
 def compare_models(decay: FreeDecay, models: Sequence[DecayModel]) -> LawComparison[DecayFit]:
     """Fit models to a decay, those that lead to the best one, and select one by information criteria."""
     frequency_laws = list(dict.fromkeys(model.frequency_law for model in models))
-    tracked_law = select_frequency_law(decay.about(models[0].rest), frequency_laws)
+    tracked_law = select_frequency_law(decay, frequency_laws)
     best = next(model for model in models if model.frequency_law == tracked_law)
     fits: dict[DecayModel, DecayFit] = {}
     failed: dict[DecayModel, str] = {}
@@ -136,7 +133,7 @@ def _judge_fits(fits: Mapping[DecayModel, DecayFit], failed: Mapping[DecayModel,
     return LawComparison(
         names=tuple(map(_name, fits)),
         fits=tuple(fits.values()),
-        terms=tuple(ADDITIVE[model.law] for model in fits),
+        terms=tuple(DAMPING_TERMS[model.law] for model in fits),
         failed={_name(model): reason for model, reason in failed.items()},
         other_records=partial(_other_records, list(fits.values())),
     )
@@ -180,7 +177,7 @@ def _other_records(fits: Sequence[DecayFit], truth: int, rival: int) -> dict[str
             record_fits = [_fit_exact(fit, exact, size) for fit in pair]
         except FitError:  # then nothing is said of this record
             continue
-        terms = [ADDITIVE[fit.law] for fit in pair]
+        terms = [DAMPING_TERMS[fit.law] for fit in pair]
         expectations[name] = expectation(
             record_fits, terms, record_fits[1].residuals, best.fit.residual_rms, noise_growth
         )

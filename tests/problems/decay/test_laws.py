@@ -308,7 +308,7 @@ def test_curves_against_amplitude_are_those_of_the_law():
 def test_several_records_share_the_frequency_law():
     late = record("quadratic", "linear", 1e-4, 8)[1200:]
     full = record("quadratic", "linear", 1e-4, 9)
-    records = [comparison_module.Measurement(TIME, full), comparison_module.Measurement(TIME[1200:], late)]
+    records = [Measurement(TIME, full), Measurement(TIME[1200:], late)]
     first, second = fit_decays(records, law="quadratic", frequency_law="linear")
     assert first.frequency_slope == second.frequency_slope
     assert first.frequency_slope == pytest.approx(-0.01 / E0, abs=4 * first.standard_errors["frequency_slope"])
@@ -330,9 +330,9 @@ def test_a_comparison_survives_a_law_that_cannot_be_fitted(monkeypatch):
     )
     assert comparison.names == ("linear", "quadratic", "power")
     assert comparison.failed == {"friction": "no minimum was found"}
-    assert "the friction law is left out: no minimum was found" in comparison.report()
+    assert "friction law is left out: no minimum was found" in comparison.report()
     assert comparison.to_dict()["failed"] == {"friction": "no minimum was found"}
-    with pytest.raises(FitError, match="no law can be fitted; friction: no minimum was found"):
+    with pytest.raises(FitError, match="friction: no minimum was found"):
         compare_decay_laws(TIME, record("linear", "constant", 1e-4), laws=("friction",))
 
 
@@ -372,6 +372,7 @@ def test_a_fit_that_does_not_converge_starts_again_elsewhere(monkeypatch):
 
     def failing_once(residuals, unknowns, **options):
         starts.append([unknown.guess for unknown in unknowns])
+        assert "release" in options["advice"]  # what the caller can change
         if len(starts) == 1:
             raise FitError("no minimum was found", {"iter_count": 300})
         return least_squares(residuals, unknowns, **options)

@@ -156,17 +156,19 @@ def scatter_misfit(k: Array, z: ComplexArray, log_q: complex) -> float:
 
 
 def fit_forced_response(k: Array, y: ComplexArray, log_q: complex) -> tuple[float, bool]:
-    """Fit a forced response to z = y in all windows k but the last, the first sum of S(s).
+    """Fit B p^k + C q^k with |p| = 1, for a given q, to the values y in all windows k but the last.
 
-    Return its misfit, and whether the force sustains the motion: it beats with the mode, or supplies more than half of
-    the energy that the free mode would lose.
+    Return the misfit, and whether the force sustains the motion: it beats with the mode, or supplies more than half of
+    the energy that the free mode would lose.  Of p, the angle is searched: in each of four rounds about the best one of
+    the round before, with B and C from linear least squares.
     """
     k, s = k[:-1], float(k[-1])
-    decay = np.exp(log_q * (k - s))
+    decay = np.exp(log_q * (k - s))  # transient, 1 at the last window
     centre_angle, width = 0.0, math.pi / 2
     decay_projection, energy = np.vdot(decay, y), float(np.vdot(decay, decay).real)
 
-    def fit_force(angles: Array) -> tuple[Array, ComplexArray, ComplexArray]:
+    def fit_amplitudes(angles: Array) -> tuple[Array, ComplexArray, ComplexArray]:
+        """Return misfit, B and C for each angle, from the normal equations of two unknowns."""
         steady = np.exp(1j * np.outer(angles, k))
         cross, projection = steady.conj() @ decay, steady.conj() @ y
         determinant = np.maximum(len(y) * energy - np.abs(cross) ** 2, 1e-9 * len(y) * energy)
@@ -176,7 +178,7 @@ def fit_forced_response(k: Array, y: ComplexArray, log_q: complex) -> tuple[floa
 
     for zoom in range(4):
         angles = centre_angle + width * np.linspace(-1.0, 1.0, math.ceil(4 * s) + 9 if zoom == 0 else 9)
-        misfits, B, C = fit_force(angles)
+        misfits, B, C = fit_amplitudes(angles)
         best_index = int(np.argmin(misfits))
         centre_angle, width = float(angles[best_index]), float(angles[1] - angles[0])
     model = B[best_index] * np.exp(1j * centre_angle * k) + C[best_index] * decay

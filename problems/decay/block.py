@@ -198,7 +198,9 @@ class SmoothnessBlock(Block):
     @classmethod
     def of(cls, terms: SmoothTerms) -> Self:
         """Return the prior of a smooth law with its first standard deviation."""
-        count, deviation, floor = (np.array([value]) for value in (len(terms.names), terms.first, terms.least))
+        count, deviation, floor = (
+            np.array([value]) for value in (len(terms.names), terms.first_deviation, terms.least_deviation)
+        )
         return cls(terms, weights=SeriesWeights(count, deviation, floor, groups=((0,),), known=(False,)))
 
     @property

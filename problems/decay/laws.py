@@ -211,7 +211,7 @@ class DecayModel:
             Unknown("frequency_exponent", 1.0, 1.0, *FREQUENCY_EXPONENTS),
             Unknown("frequency_log_slope", turn, turn),
             Unknown("log_corner", -2.0, 1.0, *LOG_CORNERS, curved=True),
-            *(Unknown(name, 0.0, max(turn, SMOOTH_FREQUENCY.first)) for name in SMOOTH_FREQUENCY.names),
+            *(Unknown(name, 0.0, max(turn, SMOOTH_FREQUENCY.first_deviation)) for name in SMOOTH_FREQUENCY.names),
         )
         return [unknown for unknown in unknowns if unknown.name in self.frequency_terms]
 
@@ -224,7 +224,7 @@ class DecayModel:
             reported = Reported("zeta", RATIO_AT.get(self.law, "damping_ratio"), "")
             shape = [Unknown("exponent", 1.0, 1.0, *EXPONENTS)] if self.law == "power" else []
             if self.law == "smooth":
-                shape = [Unknown(name, 0.0, SMOOTH_DAMPING.first) for name in SMOOTH_DAMPING.names]
+                shape = [Unknown(name, 0.0, SMOOTH_DAMPING.first_deviation) for name in SMOOTH_DAMPING.names]
             return [
                 Unknown("zeta", min(max(guess.ζ, lower), upper), scale, lower, upper, reported=reported),
                 *shape,

@@ -133,24 +133,21 @@ def decay_problem(
     largest = int(np.argmax([decay.guess.amplitude for decay in decays]))
     unknowns = model.mode_unknowns(decays[largest].guess)
     law_names = tuple(unknown.name for unknown in unknowns)
-    tracks, fitted = [starting_values(model, decay) for decay in decays], []
-    track = dict(tracks[largest])
+    tracked_values = [starting_values(model, decay) for decay in decays]
+    tracked, with_modes = dict(tracked_values[largest]), []
     for k, decay in enumerate(decays):
         suffix = f"_{k + 1}" if len(decays) > 1 else ""
         release_unknowns = [replace(u, name=u.name + suffix) for u in model.release_unknowns(decay.guess)]
         names = (*law_names, *(unknown.name for unknown in release_unknowns))
         unknowns += release_unknowns
-        fitted.append(replace(decay, modes=(DecayMode(model, names),)))
-        track |= {name + suffix: value for name, value in tracks[k].items()}
+        with_modes.append(replace(decay, modes=(DecayMode(model, names),)))
+        tracked |= {name + suffix: value for name, value in tracked_values[k].items()}
     unknowns = with_priors(unknowns, priors, model)
     if model.smooth:
         other_estimates = _simpler_estimates(model, decays)
-    values = [{}, track, *([{**track, **other_estimates}] if other_estimates else [])]
-    starts = [{u.name: u.guess for u in with_guesses(unknowns, start)} for start in values]
-    block = DecayBlock.of(fitted)
-    misfits = [block.misfits(start) for start in starts]
-    order = np.argsort([sum(float(residuals @ residuals) for residuals in misfit) for misfit in misfits], kind="stable")
-    block = block.with_noise(misfits[order[0]], robust=robust)
+    start_values = [{}, tracked, *([{**tracked, **other_estimates}] if other_estimates else [])]
+    block = DecayBlock.of(with_modes)
+    block, starts = _order_starts(block, [with_guesses(unknowns, values) for values in start_values], robust=robust)
     problem = FitProblem(
         (block, *map(SmoothnessBlock.of, model.smooth)),
         tuple(unknowns),
@@ -158,7 +155,18 @@ def decay_problem(
         most_unexplained=1.0,
         advice="check the time of the release, or fit a law with fewer terms",
     )
-    return problem, [starts[k] for k in order]
+    return problem, starts
+
+
+def _order_starts(
+    block: DecayBlock, guesses: Sequence[Sequence[Unknown]], *, robust: bool
+) -> tuple[DecayBlock, list[dict[str, float]]]:
+    """Return the block with the noise of the best start, and the starts by name, those with smaller residuals first."""
+    starts = [{unknown.name: unknown.guess for unknown in unknowns} for unknowns in guesses]
+    residuals = [block.misfits(start) for start in starts]
+    misfits = [sum(float(of_decay @ of_decay) for of_decay in of_start) for of_start in residuals]
+    order = np.argsort(misfits, kind="stable")
+    return block.with_noise(residuals[order[0]], robust=robust), [starts[k] for k in order]
 
 
 def _fitted_decays(solution: FitSolution) -> list[tuple[FreeDecay, slice]]:

@@ -187,7 +187,8 @@ def test_a_frequency_that_no_law_has_is_found_without_a_law(seed):
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("noise", "low", "high"), [(8e-3, 0.5 * SMOOTH_FREQUENCY.least, SMOOTH_FREQUENCY.first), (1e-6, 0.0, 1e-4)]
+    ("noise", "low", "high"),
+    [(8e-3, 0.5 * SMOOTH_FREQUENCY.least_deviation, SMOOTH_FREQUENCY.first_deviation), (1e-6, 0.0, 1e-4)],
 )
 def test_a_prior_holds_a_smooth_frequency_where_noise_hides_it(noise, low, high):
     """Without it, the error of the first change would be 3 % in noise of 8 mm."""

@@ -77,20 +77,9 @@ def first_guess(record: Measurement, *, release_time: float | None = None) -> De
     swing = without_line(t, y)
     _check_motion(y, swing, f" from {record.time[release.index]:g} s on" if release.index else "")
     best, *rivals = _candidates(t, y, swing)
-    if best.ω_d * t[-1] < 2 * math.pi * MIN_PERIODS:
-        departure = 0 if release.reason == "given" else _first_departure(y)
-        heavily_damped = _fit_heavy_damping(t[departure:] - t[departure], y[departure:])
-        if heavily_damped is not None:
-            reason = "the end of rest" if departure else release.reason
-            release = replace(release, index=release.index + departure, reason=reason)
-            t, y, best, rivals = t[departure:] - t[departure], y[departure:], heavily_damped, []
-        has_decayed = heavily_damped is not None and heavily_damped.λ * t[-1] > DECAYED
-        if best.ω_d * t[-1] < 2 * math.pi * MIN_PERIODS and not has_decayed:
-            raise InputError(
-                f"has fewer than two periods of free decay in the {t[-1]:.3g} s from {record.time[release.index]:g} s "
-                f"on ({release.reason}), or nothing oscillates; record longer, or give the time of the release",
-                "record",
-            )
+    if not _has_periods(best, t):
+        release, best = _find_heavy_damping(record, release)
+        t, y, rivals = record.time[release.index :] - record.time[release.index], record.values[release.index :], []
     _check_oscillation(t, y, best)
     c, s, offset, drift = best.linear.tolist()
     ω = math.hypot(best.ω_d, best.λ)
@@ -105,6 +94,31 @@ def first_guess(record: Measurement, *, release_time: float | None = None) -> De
         phase=math.atan2(-s, c),
         rest=(offset, drift / float(t[-1])),
         notes=(*record.warnings, *release.notes, *_notes(record, release, t, best, rivals)),
+    )
+
+
+def _has_periods(oscillation: _Candidate, t: Array) -> bool:
+    """Return whether times have enough periods to show that something oscillates."""
+    return bool(oscillation.ω_d * t[-1] >= 2 * math.pi * MIN_PERIODS)
+
+
+def _find_heavy_damping(record: Measurement, release: Release) -> tuple[Release, _Candidate]:
+    """Return the release of a heavily damped oscillation, which has few periods, and the oscillation.
+
+    Raise an InputError if there is none, or if it neither has enough periods nor is over by the end of the record.
+    """
+    t, y = record.time[release.index :] - record.time[release.index], record.values[release.index :]
+    departure = 0 if release.reason == "given" else _first_departure(y)
+    heavily_damped = _fit_heavy_damping(t[departure:] - t[departure], y[departure:])
+    if heavily_damped is not None:
+        reason = "the end of rest" if departure else release.reason
+        release, t = replace(release, index=release.index + departure, reason=reason), t[departure:] - t[departure]
+        if _has_periods(heavily_damped, t) or heavily_damped.λ * t[-1] > DECAYED:
+            return release, heavily_damped
+    raise InputError(
+        f"has fewer than two periods of free decay in the {t[-1]:.3g} s from {record.time[release.index]:g} s on "
+        f"({release.reason}), or nothing oscillates; record longer, or give the time of the release",
+        "record",
     )
 
 

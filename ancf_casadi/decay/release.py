@@ -178,7 +178,9 @@ def find_end_of_excitation(time: Array, displacement: Array) -> int:
     """Return the index of the first sample after an excitation; 0 if there is none."""
     if len(time) < MIN_WINDOW_SAMPLES:
         return 0
-    track = _track_windows(time, displacement, peak_frequencies(time, displacement - displacement.mean())[0])
+    track = _track_windows(
+        time, displacement, 2 * math.pi * peak_frequencies(time, displacement - displacement.mean())[0]
+    )
     z, windows = track.z, len(track.z)
     if windows < 2 * MIN_WINDOWS + 1:
         return 0
@@ -300,7 +302,7 @@ def unexplained_before(time: Array, measured: Array, ω: float, λ: float) -> tu
 
 def unexplained_share(time: Array, measured: Array, ω: float) -> float:
     """Return the share of a motion near a frequency (rad/s) that neither one nor two free modes nor noise explain."""
-    track = track_oscillation(time - time[0], measured, ω, max_windows=MAX_WINDOWS, degree=1)
+    track = _track_windows(time, measured, ω)
     k, z = track.k, track.z
     if len(z) < 2 * MIN_WINDOWS + 1:
         return 0.0
@@ -310,7 +312,7 @@ def unexplained_share(time: Array, measured: Array, ω: float) -> float:
 
 def grows_slowly(time: Array, displacement: Array, frequency: float) -> bool:
     """Return whether the first oscillation of a given frequency (Hz) in a record grows over many windows."""
-    track = _track_windows(time, np.gradient(displacement, time), frequency)
+    track = _track_windows(time, np.gradient(displacement, time), 2 * math.pi * frequency)
     A = track.amplitude
     peak = int(np.argmax(A)) if A.size else 0
     A = A[np.append(-1, np.flatnonzero(~track.is_visible[:peak]))[-1] + 1 : peak + 1]
@@ -322,5 +324,6 @@ def grows_slowly(time: Array, displacement: Array, frequency: float) -> bool:
     return larger_model_is_evident(squares[0], squares[1], len(A) - 1, 0, squares[2])
 
 
-def _track_windows(time: Array, values: Array, frequency: float) -> Track:
-    return track_oscillation(time - time[0], values, 2 * math.pi * frequency, max_windows=MAX_WINDOWS, degree=1)
+def _track_windows(time: Array, values: Array, ω: float) -> Track:
+    """Return the oscillation near a frequency (rad/s) about a line in each of few windows."""
+    return track_oscillation(time - time[0], values, ω, max_windows=MAX_WINDOWS, degree=1)

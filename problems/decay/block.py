@@ -163,19 +163,10 @@ class DecayBlock(Block):
     def channels(self, fitted: Fitted) -> list[PredictedChannel]:
         """Return measured and computed decays."""
         residuals, errors = self.weights.split(fitted.residuals), self.weights.split(fitted.errors)
-        columns = zip(self.labels, self.decays, residuals, errors, self.weights.deviations.tolist(), strict=True)
+        records, deviations = [decay.fitted for decay in self.decays], self.weights.deviations.tolist()
         return [
-            PredictedChannel(
-                label,
-                decay.record.sensor.unit,
-                decay.fitted.values,
-                decay.fitted.values + residual,
-                error,
-                decay.fitted.time,
-                TIME_AXIS,
-                std,
-            )
-            for label, decay, residual, error, std in columns
+            PredictedChannel(label, y.sensor.unit, y.values, y.values + residual, error, y.time, TIME_AXIS, std)
+            for label, y, residual, error, std in zip(self.labels, records, residuals, errors, deviations, strict=True)
         ]
 
 

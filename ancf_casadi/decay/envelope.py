@@ -1,7 +1,7 @@
 """Damping against amplitude from the envelope of a free decay, without a damping law.
 
 The record is divided into successive windows of a few periods, and the decay in each is fitted on its own
-(``amplitude_phase``).  The damping ratio in the middle of a window is lambda/omega_n with the natural frequency
+(``local_decay``).  The damping ratio in the middle of a window is lambda/omega_n with the natural frequency
 omega_n = (omega^2 + lambda^2)^1/2.  If velocity (n = 1) or acceleration (n = 2) was measured, the amplitude of the
 record is divided by omega_n^n, and n d(ln omega)/dt is added to lambda; both are then those of the displacement.  The
 windows do not overlap.  Other oscillations, whose peaks stand out of the spectrum of the residuals, are fitted in each
@@ -34,13 +34,13 @@ from typing import Any
 import numpy as np
 import scipy  # its packages are imported on first use
 
-from ancf_casadi.decay.amplitude_phase import LocalDecay, local_decay, waves
 from ancf_casadi.decay.bic import is_visible
 from ancf_casadi.decay.first_guess import first_guess
+from ancf_casadi.decay.local_decay import LocalDecay, local_decay, waves
 from ancf_casadi.decay.spectrum import MIN_WINDOW_SAMPLES, strongest_peak, typical_step
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.records.measurement import Measurement
-from ancf_casadi.support.arrays import Array
+from ancf_casadi.support.arrays import Array, Index
 from ancf_casadi.support.figures import Figure, drawing
 from ancf_casadi.support.inputs import check_instance, physical
 from ancf_casadi.support.tables import Displayed, Table, plural, spread
@@ -308,29 +308,42 @@ def _noise(
     time: Array, y: Array, windows: Sequence[Window], length: float, other_frequencies: Sequence[float]
 ) -> tuple[Array, Array]:
     """Return the standard deviation of the noise around the mode in each window, and the residuals."""
-    squares, ranks, counts, residuals = list[float](), list[int](), list[int](), y - y.mean()
+    powers, ranks, counts, residuals = list[float](), list[int](), list[int](), y - y.mean()
     for piece in np.array_split(np.arange(len(windows)), max(1, len(windows) // PIECE_WINDOWS)):
-        middles = [windows[k][0] for k in piece]
-        begin, end = np.searchsorted(time, [middles[0] - length / 2, middles[-1] + length / 2]).tolist()
-        middle_decay, piece_length = windows[piece[len(piece) // 2]][1], middles[-1] - middles[0] + length
-        τ, values = time[begin:end] - (middles[0] + middles[-1]) / 2, y[begin:end]
-        decay = local_decay(τ, values, middle_decay.λ, middle_decay.ω, other_frequencies) or middle_decay
-        mode = np.exp(-decay.λ * τ)[:, None] * waves(τ, [decay.ω])
-        other_waves, u = waves(τ, other_frequencies), (2 * τ / piece_length)[:, None]
-        mode_terms = [u**power * mode for power in range(PIECE_WINDOWS + 1)]
-        model = np.linalg.qr(np.hstack([*mode_terms, np.ones((len(τ), 1)), other_waves, u * other_waves]))[0]
-        residuals[begin:end] = values - model @ (model.T @ values)
-        first_wave, last_wave = (edge * decay.ω * piece_length / (2 * math.pi) for edge in NOISE_BAND)
-        noise_waves = waves(τ, 2 * math.pi / piece_length * np.arange(math.ceil(first_wave), math.floor(last_wave) + 1))
-        noise_waves /= np.linalg.norm(noise_waves, axis=0)
-        directions, lengths, _ = np.linalg.svd(noise_waves - model @ (model.T @ noise_waves), full_matrices=False)
-        orthogonal = directions[:, lengths > MIN_ORTHOGONAL]
-        squares.append(float(np.sum((orthogonal.T @ values) ** 2)))
-        ranks.append(orthogonal.shape[1])
+        first_middle, last_middle = windows[piece[0]][0], windows[piece[-1]][0]
+        begin, end = np.searchsorted(time, [first_middle - length / 2, last_middle + length / 2]).tolist()
+        τ, piece_length = time[begin:end] - (first_middle + last_middle) / 2, last_middle - first_middle + length
+        middle_decay = windows[piece[len(piece) // 2]][1]
+        decay = local_decay(τ, y[begin:end], middle_decay.λ, middle_decay.ω, other_frequencies) or middle_decay
+        residuals[begin:end], power, rank = _project(τ, y[begin:end], decay, piece_length, other_frequencies)
+        powers.append(power)
+        ranks.append(rank)
         counts.append(len(piece))
-    power, rank = np.array(squares), np.array(ranks)
-    if not rank.any():
+    if not any(ranks):
         return np.full(len(windows), residuals.std()), residuals
+    return np.sqrt(np.repeat(_pool_variances(np.array(powers), np.array(ranks)), counts)), residuals
+
+
+def _project(
+    τ: Array, values: Array, decay: LocalDecay, length: float, other_frequencies: Sequence[float]
+) -> tuple[Array, float, int]:
+    """Return the residuals of a piece about M and N, and |P y|^2 and rank P of the noise around the mode."""
+    mode = np.exp(-decay.λ * τ)[:, None] * waves(τ, [decay.ω])
+    other_waves, u = waves(τ, other_frequencies), (2 * τ / length)[:, None]
+    mode_terms = [u**degree * mode for degree in range(PIECE_WINDOWS + 1)]
+    model = np.linalg.qr(np.hstack([*mode_terms, np.ones((len(τ), 1)), other_waves, u * other_waves]))[0]
+    first_wave, last_wave = (edge * decay.ω * length / (2 * math.pi) for edge in NOISE_BAND)
+    wave_numbers = range(math.ceil(first_wave), math.floor(last_wave) + 1)
+    noise_waves = waves(τ, [2 * math.pi / length * number for number in wave_numbers])
+    noise_waves /= np.linalg.norm(noise_waves, axis=0)
+    directions, lengths, _ = np.linalg.svd(noise_waves - model @ (model.T @ noise_waves), full_matrices=False)
+    orthogonal = directions[:, lengths > MIN_ORTHOGONAL]
+    residuals = values - model @ (model.T @ values)
+    return residuals, float(np.sum((orthogonal.T @ values) ** 2)), orthogonal.shape[1]
+
+
+def _pool_variances(power: Array, rank: Index) -> Array:
+    """Return the variance of the noise in each piece: that of all typical ones, or its own if it has clearly more."""
     determined = rank > 0
     variances = power[determined] / scipy.special.chdtri(rank[determined], 0.5)
     typical_variance = np.median(np.repeat(variances, rank[determined]))
@@ -338,5 +351,4 @@ def _noise(
     is_noisier = determined & (p_values < NOISE_P_VALUE)
     is_typical = determined & ~is_noisier
     common_variance = power[is_typical].sum() / rank[is_typical].sum() if is_typical.any() else typical_variance
-    variance = np.where(is_noisier, power / np.maximum(rank, 1), common_variance)
-    return np.sqrt(np.repeat(variance, counts)), residuals
+    return np.where(is_noisier, power / np.maximum(rank, 1), common_variance)

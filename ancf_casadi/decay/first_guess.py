@@ -3,7 +3,7 @@
 A record may begin at rest or with an excitation (``release``).  From the release on, the highest peak of the spectrum
 gives the frequency.  For each decay rate of a list, the linear coefficients are fitted to the samples at their own
 times; the rate with the smallest residuals is taken.  With gaps, several peaks of the spectrum are candidates
-(``spectrum``).  Each is refined by the iteration of ``amplitude_phase``, and the one with the smallest residuals is
+(``spectrum``).  Each is refined by the iteration of ``local_decay``, and the one with the smallest residuals is
 taken; if another explains the record nearly as well, a note says that the frequency is ambiguous.
 
 References
@@ -16,27 +16,25 @@ from __future__ import annotations
 
 import itertools
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import casadi as cs
 import numpy as np
 
-from ancf_casadi.decay.amplitude_phase import local_decay
 from ancf_casadi.decay.bic import larger_model_is_evident
+from ancf_casadi.decay.local_decay import local_decay
 from ancf_casadi.decay.release import MIN_PERIODS, MIN_SAMPLES, MOTION_LEVEL, Release, find_release, grows_slowly
 from ancf_casadi.decay.rest_position import REST_TERMS, Rest, rest_position
-from ancf_casadi.decay.spectrum import peak_frequencies, step_frequency, typical_step
+from ancf_casadi.decay.spectrum import peak_frequencies
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.records.processing import without_line
 from ancf_casadi.support.arrays import Array
-from ancf_casadi.support.inputs import number
 
-# Tests that fail if one is halved or doubled: test_a_record_is_refused_from_a_share_of_gaps_of_95_percent_on,
-# test_few_samples_per_period_are_enough, test_an_oscillation_no_larger_than_the_noise_is_found (INDEPENDENT_SHARE
-# halved), test_noise_that_a_sensor_averages_over_three_samples_is_hardly_ever_taken_for_an_oscillation
-# (INDEPENDENT_SHARE doubled).
-MAX_LENGTH = 20.0  # length of a record, in lengths of its samples without the gaps
+# Tests that fail if one is halved or doubled: test_few_samples_per_period_are_enough,
+# test_an_oscillation_no_larger_than_the_noise_is_found (INDEPENDENT_SHARE halved), and
+# test_noise_that_a_sensor_averages_over_three_samples_is_hardly_ever_taken_for_an_oscillation (doubled).
 FEW_SAMPLES = 3.0  # per period, below which a note warns of aliasing
 DECAYED = 3.0  # decay times after which an oscillation is over: a longer record would show no more of it
 HEAVY_TRIALS = 16  # of a heavily damped oscillation, and rates of a relaxation, that are tried
@@ -46,7 +44,7 @@ SAME_MODE_DISTANCE = 0.1  # relative distance of two frequencies, below which th
 
 @dataclass(frozen=True)
 class DecayGuess:
-    """Starting values for the fit of a decay."""
+    """Release and oscillation of a free decay before a law is fitted, with their limitations."""
 
     release: int  # index of the first sample of the free decay
     reason: str  # for this release, as in ``Release``
@@ -64,51 +62,29 @@ class DecayGuess:
         return np.asarray(rest_position(cs.DM(time), [cs.DM(value) for value in self.rest])).ravel()
 
 
-def first_guess(record: Measurement, *, release_time: float | None = None, rest: Rest = "constant") -> DecayGuess:
-    """Guess the parameters of a decay from its record at any times, which may begin at rest or with an excitation."""
-    time, displacement = record.time, record.values
-    step = typical_step(time)
-    if time[-1] - time[0] > MAX_LENGTH * step * len(time):
-        share = 1 - step * len(time) / (time[-1] - time[0])
-        raise InputError(f"consists of gaps for {share:.0%} of its length; cut out the part with the decay", "record")
-    if release_time is None:
-        release = find_release(time, displacement)
-    else:
-        release = Release(int(np.searchsorted(time, number(release_time, "release_time") - 1e-6 * step)), "given")
-    begin = release.index
-    t, y = time[begin:] - time[min(begin, len(time) - 1)], displacement[begin:]
+def first_guess(record: Measurement, *, release_time: float | None = None) -> DecayGuess:
+    """Guess the parameters of a decay from its record at any times, which may begin at rest or with an excitation.
+
+    The oscillation is one about a line: a drift that no one asks for must not hide it.
+    """
+    release = find_release(record.time, record.values, release_time)
+    t, y = record.time[release.index :], record.values[release.index :]
     if len(t) < MIN_SAMPLES:
-        doubt = "" if release_time is not None or not begin else f" after {release.reason}, or nothing oscillates"
+        detected = release.index and release.reason != "given"
+        doubt = f" after {release.reason}, or nothing oscillates" if detected else ""
         raise InputError(f"has {len(t)} samples of free decay{doubt}; a fit needs at least {MIN_SAMPLES}", "record")
-    if np.ptp(y) == 0.0:
-        since = f" from {time[begin]:g} s on" if begin else ""
-        raise InputError(f"is constant{since}, nothing oscillates", "record")
-    if np.ptp(without_line(t, y)) <= len(y) * np.spacing(np.abs(y).max()):  # all that rounding leaves
-        raise InputError("is a straight line, nothing oscillates", "record")
-    line = _line(t)  # a drift that is not asked for must not hide the oscillation
-    candidates = _candidates(t, y, line)
-    has_decayed = False
-    if candidates[0].ω_d * t[-1] < 2 * math.pi * MIN_PERIODS:
-        departure = 0 if release_time is not None else _first_departure(y)
-        since_departure = t[departure:] - t[departure]
-        heavily_damped = _fit_heavy_damping(since_departure, y[departure:], _line(since_departure))
-        if heavily_damped is not None:
-            begin, t, y, candidates = begin + departure, since_departure, y[departure:], [heavily_damped]
-            line = _line(t)
-            release = replace(release, reason="the end of rest") if departure else release
-            has_decayed = heavily_damped.λ * t[-1] > DECAYED
-    best = candidates[0]
-    if best.ω_d * t[-1] < 2 * math.pi * MIN_PERIODS and not has_decayed:
-        raise InputError(
-            f"has fewer than two periods of free decay in the {t[-1]:.3g} s from {time[begin]:g} s on "
-            f"({release.reason}), or nothing oscillates; record longer, or give the time of the release",
-            "record",
-        )
-    _check_oscillation(y, line, best)
-    c, s = best.linear[:2].tolist()
+    t = t - t[0]
+    swing = without_line(t, y)
+    _check_motion(y, swing, f" from {record.time[release.index]:g} s on" if release.index else "")
+    best, *rivals = _candidates(t, y, swing)
+    if not _has_periods(best, t):
+        release, best = _find_heavy_damping(record, release)
+        t, y, rivals = record.time[release.index :] - record.time[release.index], record.values[release.index :], []
+    _check_oscillation(t, y, best)
+    c, s, offset, drift = best.linear.tolist()
     ω = math.hypot(best.ω_d, best.λ)
-    guess = DecayGuess(
-        release=begin,
+    return DecayGuess(
+        release=release.index,
         reason=release.reason,
         duration=min(float(t[-1]), 1 / best.λ) if best.λ else float(t[-1]),
         length=float(t[-1]),
@@ -116,14 +92,46 @@ def first_guess(record: Measurement, *, release_time: float | None = None, rest:
         ζ=best.λ / ω,
         amplitude=math.hypot(c, s),
         phase=math.atan2(-s, c),
-        rest=(),
-        notes=(*record.warnings, *release.notes, *_notes(record, t, y, candidates)),
+        rest=(offset, drift / float(t[-1])),
+        notes=(*record.warnings, *release.notes, *_notes(record, release, t, best, rivals)),
     )
-    return with_rest_position(guess, record, rest)
+
+
+def _has_periods(oscillation: _Candidate, t: Array) -> bool:
+    """Return whether times have enough periods to show that something oscillates."""
+    return bool(oscillation.ω_d * t[-1] >= 2 * math.pi * MIN_PERIODS)
+
+
+def _find_heavy_damping(record: Measurement, release: Release) -> tuple[Release, _Candidate]:
+    """Return the release of a heavily damped oscillation, which has few periods, and the oscillation.
+
+    Raise an InputError if there is none, or if it neither has enough periods nor is over by the end of the record.
+    """
+    t, y = record.time[release.index :] - record.time[release.index], record.values[release.index :]
+    departure = 0 if release.reason == "given" else _first_departure(y)
+    heavily_damped = _fit_heavy_damping(t[departure:] - t[departure], y[departure:])
+    if heavily_damped is not None:
+        reason = "the end of rest" if departure else release.reason
+        release, t = replace(release, index=release.index + departure, reason=reason), t[departure:] - t[departure]
+        if _has_periods(heavily_damped, t) or heavily_damped.λ * t[-1] > DECAYED:
+            return release, heavily_damped
+    raise InputError(
+        f"has fewer than two periods of free decay in the {t[-1]:.3g} s from {record.time[release.index]:g} s on "
+        f"({release.reason}), or nothing oscillates; record longer, or give the time of the release",
+        "record",
+    )
+
+
+def _check_motion(y: Array, swing: Array, since: str) -> None:
+    """Raise an InputError if values are constant or a straight line, from which they swing by less than rounding."""
+    if np.ptp(y) == 0.0:
+        raise InputError(f"is constant{since}, nothing oscillates", "record")
+    if np.ptp(swing) <= len(y) * np.spacing(np.abs(y).max()):
+        raise InputError("is a straight line, nothing oscillates", "record")
 
 
 def with_rest_position(guess: DecayGuess, record: Measurement, rest: Rest) -> DecayGuess:
-    """Return the guess about another rest position; a note says if it drifts though it is taken as constant."""
+    """Return the guess about a rest position of a kind; a note says if it drifts though it is taken as constant."""
     t, y = record.time[guess.release :] - record.time[guess.release], record.values[guess.release :]
     ω_d, λ = guess.ω * math.sqrt(1 - guess.ζ**2), guess.ζ * guess.ω
     term_count = len(REST_TERMS[rest])
@@ -131,7 +139,7 @@ def with_rest_position(guess: DecayGuess, record: Measurement, rest: Rest) -> De
     fits = []
     for rate in rates:
         creep = np.asarray(rest_position(cs.DM(t), [cs.DM(value) for value in (0.0, 1.0, rate)])).ravel()
-        fits.append((_with_rate(t, y, ω_d, λ, np.array([np.ones(len(t)), creep])[:term_count]), rate))
+        fits.append((_with_rate(t, y, ω_d, λ, np.vstack([np.ones(len(t)), creep])[:term_count]), rate))
     best, rate = min(fits, key=lambda fit: fit[0].misfit)
     c, s, *rest_terms = best.linear.tolist()
     line = _line(t)
@@ -155,9 +163,9 @@ class _Candidate:
     misfit: float
 
 
-def _candidates(t: Array, y: Array, baseline: Array) -> list[_Candidate]:
-    """Return an oscillation for each peak of the spectrum, that with the smallest residuals first."""
-    frequencies = peak_frequencies(t, without_line(t, y))
+def _candidates(t: Array, y: Array, swing: Array) -> list[_Candidate]:
+    """Return an oscillation about a line for each peak of the spectrum, that with the smallest residuals first."""
+    baseline, frequencies = _line(t), peak_frequencies(t, swing)
     oscillations = [_best_rate(t, y, 2 * math.pi * frequency, baseline) for frequency in frequencies]
     if len(oscillations) == 1:
         return oscillations
@@ -173,7 +181,7 @@ def _candidates(t: Array, y: Array, baseline: Array) -> list[_Candidate]:
 
 def _line(t: Array) -> Array:
     """Return the baseline of a drift: its value at time 0, and its change over the record."""
-    return np.array([np.ones(len(t)), t / t[-1]])
+    return np.vstack([np.ones(len(t)), t / t[-1]])
 
 
 def _first_departure(y: Array) -> int:
@@ -184,11 +192,12 @@ def _first_departure(y: Array) -> int:
     return index if len(y) - index >= MIN_SAMPLES else 0
 
 
-def _fit_heavy_damping(t: Array, y: Array, baseline: Array) -> _Candidate | None:
+def _fit_heavy_damping(t: Array, y: Array) -> _Candidate | None:
     """Return a heavily damped oscillation, which has no peak in the spectrum; None if it may as well be a relaxation.
 
     A relaxation is the sum of two exponentials.
     """
+    baseline = _line(t)
     frequencies = np.geomspace(math.pi / t[-1], math.pi * len(t) / (4 * t[-1]), HEAVY_TRIALS)
     best = min(
         (_with_rate(t, y, ω_d, λ, baseline) for ω_d in frequencies.tolist() for λ in (0.5 * ω_d, ω_d, 1.5 * ω_d)),
@@ -222,7 +231,8 @@ def _best_rate(t: Array, y: Array, ω_d: float, baseline: Array) -> _Candidate:
 
 def _with_rate(t: Array, y: Array, ω_d: float, λ: float, baseline: Array) -> _Candidate:
     """Return the oscillation with a given frequency and decay rate."""
-    basis = np.vstack([np.exp(-λ * t) * np.array([np.cos(ω_d * t), np.sin(ω_d * t)]), baseline])
+    fading = np.exp(-λ * t)
+    basis = np.vstack([fading * np.cos(ω_d * t), fading * np.sin(ω_d * t), baseline])
     length = np.linalg.norm(basis, axis=1)  # a drift per second may be far smaller or larger than the oscillation
     length[length == 0.0] = 1.0
     basis /= length[:, None]
@@ -230,8 +240,9 @@ def _with_rate(t: Array, y: Array, ω_d: float, λ: float, baseline: Array) -> _
     return _Candidate(ω_d, λ, linear / length, float(np.sum((y - linear @ basis) ** 2)))
 
 
-def _check_oscillation(y: Array, baseline: Array, best: _Candidate) -> None:
-    """Raise an InputError if the oscillation is not significant."""
+def _check_oscillation(t: Array, y: Array, best: _Candidate) -> None:
+    """Raise an InputError if the oscillation is not significant beside a line."""
+    baseline = _line(t)
     constant = np.linalg.lstsq(baseline @ baseline.T, baseline @ y)[0] @ baseline
     explained = float(np.sum((y - constant) ** 2)) - best.misfit
     samples = INDEPENDENT_SHARE * (len(y) - 4 - len(baseline))
@@ -239,26 +250,27 @@ def _check_oscillation(y: Array, baseline: Array, best: _Candidate) -> None:
         raise InputError("is noise or drift, nothing oscillates", "record")
 
 
-def _notes(record: Measurement, t: Array, y: Array, candidates: list[_Candidate]) -> list[str]:
-    """Return limitations of the record."""
-    best, *other_candidates = candidates
-    notes, frequency = list[str](), best.ω_d / (2 * math.pi)
-    driven = step_frequency(record.time, without_line(record.time, record.values))
+def _notes(
+    record: Measurement, release: Release, t: Array, best: _Candidate, rivals: Sequence[_Candidate]
+) -> list[str]:
+    """Return limitations of a record with an oscillation at times t (s) after its release, and others that may fit."""
+    notes, frequency, driven = list[str](), best.ω_d / (2 * math.pi), release.frequency
     if abs(driven / frequency - 1) >= SAME_MODE_DISTANCE and grows_slowly(record.time, record.values, driven):
         notes.append(
             f"the excitation had {driven:.3g} Hz, and the decay has {frequency:.3g} Hz: another mode than the driven "
             "one is the largest; let the excitation grow slowly (ramp), measure at another point, or fit several modes"
         )
-    rivals = [
+    motion = float(np.sum(record.values[-len(t) :] ** 2))
+    alternatives = [
         f"{candidate.ω_d / (2 * math.pi):.4g}"
-        for candidate in other_candidates
-        if not larger_model_is_evident(candidate.misfit, best.misfit, len(t), 0, float(y @ y))
+        for candidate in rivals
+        if not larger_model_is_evident(candidate.misfit, best.misfit, len(t), 0, motion)
         and abs(candidate.ω_d - best.ω_d) * t[-1] > math.pi
     ]
-    if rivals:
+    if alternatives:
         notes.append(
-            f"the gaps in the record leave the frequency ambiguous: {' or '.join(rivals)} Hz would fit as well as "
-            f"{frequency:.4g} Hz; record without gaps"
+            f"the gaps in the record leave the frequency ambiguous: {' or '.join(alternatives)} Hz would fit as well "
+            f"as {frequency:.4g} Hz; record without gaps"
         )
     samples = 1 / (frequency * float(np.median(np.diff(t))))
     if samples < FEW_SAMPLES:

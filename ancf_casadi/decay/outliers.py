@@ -44,29 +44,35 @@ def without_outliers(record: Measurement) -> Measurement:
 
 def find_outliers(time: Array, values: Array) -> Index:
     """Return the indices of the outliers of a record, in ascending order; none if there are too many."""
-    y = values.copy()
-    removed = np.zeros(len(y), dtype=bool)
-    evenly_spaced = _evenly_spaced(time)
-    likely_ratio, rounding = 2 * math.log(len(y)) + BIC_MARGIN, float(np.spacing(np.abs(y).max()))
+    y, removed, evenly_spaced = values.copy(), np.zeros(len(values), dtype=bool), _evenly_spaced(time)
     while evenly_spaced.any():
         columns = np.column_stack([np.ones(len(evenly_spaced)), y[1:-3] + y[3:-1], y[:-4] + y[4:]])
-        c = np.linalg.lstsq(columns[evenly_spaced], y[2:-2][evenly_spaced])[0]
-        residuals = np.where(evenly_spaced & ~removed[2:-2], y[2:-2] - columns @ c, 0.0)
-        squares = residuals**2
-        signature = np.array([-c[2], -c[1], 1.0, -c[1], -c[2]])  # of an outlier of size 1 in five residuals
-        neighbourhoods = np.lib.stride_tricks.sliding_window_view(np.pad(residuals, 2), 5)
-        explained = (neighbourhoods @ signature) ** 2 / (signature @ signature)
-        is_single_outlier = explained > MIN_EXPLAINED * np.sum(neighbourhoods**2, axis=1)
-        neighbours_agree = np.abs(y[3:-1] - y[1:-3]) < np.abs(residuals) / 2
-        variance = np.maximum(np.maximum(squares.mean(), _mean_nearby(squares)), rounding**2)
-        indices = np.flatnonzero(neighbours_agree & is_single_outlier & (squares > likely_ratio * variance))
-        indices = indices[[squares[k] == squares[max(k - 4, 0) : k + 5].max() for k in indices]]
-        if not indices.size:
+        coefficients = np.asarray(np.linalg.lstsq(columns[evenly_spaced], y[2:-2][evenly_spaced])[0], dtype=float)
+        expected = columns @ coefficients
+        residuals = np.where(evenly_spaced & ~removed[2:-2], y[2:-2] - expected, 0.0)
+        outliers = _select_outliers(y, residuals, coefficients)
+        if not outliers.size:
             break
-        removed[indices + 2], y[indices + 2] = True, (columns @ c)[indices]
+        removed[outliers + 2], y[outliers + 2] = True, expected[outliers]
         if np.count_nonzero(removed) > MAX_OUTLIERS * len(y):
             return np.array([], dtype=int)
     return np.flatnonzero(removed)
+
+
+def _select_outliers(y: Array, residuals: Array, coefficients: Array) -> Index:
+    """Return the indices of residuals that only a wrong value of their own sample explains, the largest nearby."""
+    squares = residuals**2
+    _, c1, c2 = coefficients
+    signature = np.array([-c2, -c1, 1.0, -c1, -c2])  # five residuals about an outlier of size 1
+    neighbourhoods = np.lib.stride_tricks.sliding_window_view(np.pad(residuals, 2), 5)
+    explained = (neighbourhoods @ signature) ** 2 / (signature @ signature)
+    is_single = explained > MIN_EXPLAINED * np.sum(neighbourhoods**2, axis=1)
+    neighbours_agree = np.abs(y[3:-1] - y[1:-3]) < np.abs(residuals) / 2
+    rounding = float(np.spacing(np.abs(y).max()))
+    variance = np.maximum(np.maximum(squares.mean(), _mean_nearby(squares)), rounding**2)
+    is_unlikely = squares > (2 * math.log(len(y)) + BIC_MARGIN) * variance
+    indices = np.flatnonzero(neighbours_agree & is_single & is_unlikely)
+    return indices[[squares[k] == squares[max(k - 4, 0) : k + 5].max() for k in indices]]
 
 
 def _evenly_spaced(time: Array) -> NDArray[np.bool_]:

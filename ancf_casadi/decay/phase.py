@@ -43,7 +43,7 @@ import numpy as np
 import scipy  # its packages are imported on first use
 from numpy.polynomial import legendre
 
-from ancf_casadi.decay.smooth import AMPLITUDE_SPAN, SMOOTH_FREQUENCY, smooth_change
+from ancf_casadi.decay.smooth import AMPLITUDE_SPAN, SMOOTH_FREQUENCY, panel_edges, smooth_change
 from ancf_casadi.support.arrays import Array
 
 FrequencyLaw = Literal["constant", "linear", "quadratic", "power", "logarithmic", "smooth"]
@@ -86,9 +86,13 @@ def integral(function: Callable[[cs.MX], cs.MX], time: Array) -> cs.MX:
 
 @lru_cache(maxsize=4)  # a fit needs those of a record several times
 def _quadrature(time: bytes) -> tuple[cs.DM, cs.DM, list[int], cs.DM]:
-    """Return Gauss points, weights within the panel of each time, the panels, and weights of the panels before."""
+    """Return the Gauss points of all panels, and what integrates values there up to each of the times (m,).
+
+    That is the weights (m, n) within the panel of each time, the number of this panel, and the weights of all panels
+    before a panel.  The times come as bytes, so that the results can be kept.
+    """
     t = np.frombuffer(time)
-    edges = np.append(0.0, (float(t.max(initial=0.0)) or 1.0) * 0.5 ** np.arange(PANELS - 1, -1, -1))
+    edges = panel_edges(t, PANELS)
     points, weights = legendre.leggauss(POINTS)
     half = np.diff(edges)[:, None] / 2
     panel = np.maximum(np.searchsorted(edges, t) - 1, 0)

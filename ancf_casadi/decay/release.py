@@ -6,12 +6,8 @@ closed forms hold from any later instant on.  A window holds the samples at thei
 than half its length may hide a swing and is not taken for rest.
 
 Excitation.  Relative to a carrier near its frequency, the record is y = Re(z exp(i omega t)) with a slow z, estimated
-in windows of whole periods (``amplitude_phase``).  A free mode has z_k = a q^k.  Under a harmonic force z is a steady
-response and a transient,
-
-    z_k = B p^k + C q^k,    |p| = 1,
-
-so that an excitation that ends in window s - 1 leaves the misfit
+in windows of whole periods (``track``).  A free mode has z_k = a q^k, and a harmonic force leads to B p^k + C q^k with
+|p| = 1, so that an excitation that ends in window s - 1 leaves the misfit
 
     S(s) = min sum_{k < s-1} |z_k - B p^k - C q^k|^2 + min sum_{k >= s} |z_k - a q^k|^2
 
@@ -23,11 +19,6 @@ a fit.
 
 Gaps.  A piece of less than one and a half periods between the release and a gap is left out, because it does not show
 whether the beam rests or moves.  If the decay begins at the end of a gap, a note says so.
-
-References
-----------
-Y. Hua, T. K. Sarkar, Matrix pencil method for estimating parameters of exponentially damped/undamped sinusoids in
-noise, IEEE Transactions on Acoustics, Speech, and Signal Processing 38 (1990).
 """
 
 from __future__ import annotations
@@ -37,25 +28,30 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ancf_casadi.decay.amplitude_phase import (
-    Track,
-    cumulative_integral,
-    fit_loss_rates,
-    track_oscillation,
-    weighted_least_squares,
-)
 from ancf_casadi.decay.bic import MODEL_ERROR, larger_model_is_evident
 from ancf_casadi.decay.outliers import without_outliers
 from ancf_casadi.decay.spectrum import GAP, MIN_WINDOW_SAMPLES, peak_frequencies, step_frequency, typical_step
+from ancf_casadi.decay.track import (
+    Track,
+    fit_forced_response,
+    fit_free_tails,
+    one_mode_misfit,
+    scatter_misfit,
+    several_modes_misfit,
+    track_oscillation,
+)
+from ancf_casadi.exceptions import InputError
 from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.records.processing import resolution, without_line
 from ancf_casadi.support.arrays import Array, ComplexArray, Index
-from ancf_casadi.support.inputs import check_instance
+from ancf_casadi.support.inputs import check_instance, number
 
 # Tests that fail: test_a_record_in_which_nothing_oscillates_is_refused (either minimum halved),
 # test_an_excitation_that_grows_out_of_the_noise_is_not_taken_for_rest_and_release (REST_SWING doubled, RELEASE_SWING
 # halved), test_a_release_after_rest_is_no_excitation (RELEASE_SWING doubled), test_a_plain_decay_is_never_cut
-# (MIN_WINDOWS halved), and test_the_decay_begins_at_the_first_sample_in_motion (MOTION_LEVEL halved).
+# (MIN_WINDOWS halved), test_the_decay_begins_at_the_first_sample_in_motion (MOTION_LEVEL halved), and
+# test_a_record_is_refused_from_a_share_of_gaps_of_95_percent_on (MAX_LENGTH either way).
+MAX_LENGTH = 20.0  # length of a record, in lengths of its samples without the gaps
 MIN_SAMPLES = 10
 MIN_PERIODS = 1.5  # fewer do not show whether the beam rests or moves
 REST_SWING = 0.25  # largest swing of a window at rest, relative to all; with a free oscillation it is at least 0.5
@@ -78,41 +74,55 @@ class Release:
 
     index: int  # of the first sample of the decay
     reason: str  # the first sample, the end of rest, the end of an excitation, the end of a gap, or given
+    frequency: float = 0.0  # of the strongest oscillation before and after it, Hz; 0 if there are too few samples
     notes: tuple[str, ...] = ()  # reasons for doubt
 
 
-def find_release(time: Array, measured: Array) -> Release:
-    """Return the start of the free decay in values of any sensor, the first unless rest or an excitation precedes."""
+def find_release(time: Array, measured: Array, release_time: float | None = None) -> Release:
+    """Return the start of the free decay in values of any sensor: given, or detected after rest or an excitation.
+
+    Of a record with several releases, it is the last one.
+    """
     if len(time) < MIN_SAMPLES or np.ptp(measured) == 0.0:
         return Release(0, "the first sample")
+    step = typical_step(time)
+    if time[-1] - time[0] > MAX_LENGTH * step * len(time):
+        share = 1 - step * len(time) / (time[-1] - time[0])
+        raise InputError(f"consists of gaps for {share:.0%} of its length; cut out the part with the decay", "record")
+    swing = without_line(time, measured)
+    frequency = step_frequency(time, swing)
+    if release_time is not None:
+        begin = int(np.searchsorted(time, number(release_time, "release_time") - 1e-6 * step))
+        return Release(begin, "given", frequency)
     takes = find_takes(time, measured)
-    if takes:
-        times = ", ".join(f"{time[take.start]:.4g} s" for take in takes)
-        note = f"the record holds {len(takes)} releases, at about {times}; the last one is fitted (all: {ALL_RELEASES})"
-        last = find_release(time[takes[-1].start :], measured[takes[-1].start :])
-        return Release(takes[-1].start + last.index, "the last of several releases", (note, *last.notes))
-    period = 1 / step_frequency(time, without_line(time, measured))
-    rest_end, grows_slowly_after = _find_end_of_rest(time, measured, period)
-    excitation_end = rest_end + find_end_of_excitation(time[rest_end:], measured[rest_end:])
+    before = takes[-1].start if takes else 0  # samples of earlier takes
+    t, y = time[before:], measured[before:]
+    rest_end, grows_slowly_after = _find_end_of_rest(t, y, swing[before:], 1 / frequency, step)
+    excitation_end = rest_end + find_end_of_excitation(t[rest_end:], y[rest_end:])
     if excitation_end == rest_end and grows_slowly_after:
-        excitation_end = find_end_of_excitation(time, measured)  # the rest may be a weak excitation
-    begin = _after_gaps(time, max(rest_end, excitation_end), period)
-    gap = float(time[begin] - time[begin - 1]) if begin else 0.0
-    reason = "the end of rest" if rest_end else "the first sample"
+        excitation_end = find_end_of_excitation(t, y)  # the rest may be a weak excitation
+    begin = _skip_gaps(t, max(rest_end, excitation_end), 1 / frequency, step)
+    reason, notes = "the end of rest" if rest_end else "the first sample", list[str]()
     if excitation_end > rest_end:
         reason = "the end of an excitation"
-    if gap <= GAP * typical_step(time):
-        return Release(begin, reason)
-    note = (
-        f"a gap of {gap:.3g} s hides the release or follows it closely; the decay is fitted from the end of the gap, "
-        f"{time[begin]:g} s"
-    )
-    return Release(begin, "the end of a gap", (note,))
+    if takes:
+        reason, times = "the last of several releases", ", ".join(f"{time[take.start]:.4g} s" for take in takes)
+        notes.append(
+            f"the record holds {len(takes)} releases, at about {times}; the last one is fitted (all: {ALL_RELEASES})"
+        )
+    gap = float(t[begin] - t[begin - 1]) if begin else 0.0
+    if gap > GAP * step:
+        reason = reason if takes else "the end of a gap"
+        notes.append(
+            f"a gap of {gap:.3g} s hides the release or follows it closely; the decay is fitted from the end of the gap, "
+            f"{t[begin]:g} s"
+        )
+    return Release(before + begin, reason, frequency, tuple(notes))
 
 
-def _after_gaps(time: Array, begin: int, period: float) -> int:
+def _skip_gaps(time: Array, begin: int, period: float, step: float) -> int:
     """Return the first sample after all gaps that follow the begin too closely to distinguish rest from motion."""
-    longest = max(period / 2, GAP * typical_step(time))
+    longest = max(period / 2, GAP * step)
     first_periods = slice(begin, int(np.searchsorted(time, time[begin] + 4 * MIN_PERIODS * period)))
     for gap in (begin + np.flatnonzero(np.diff(time[first_periods]) > longest)).tolist():
         if time[gap] - time[begin] < MIN_PERIODS * period:
@@ -120,24 +130,24 @@ def _after_gaps(time: Array, begin: int, period: float) -> int:
     return begin
 
 
-def _find_end_of_rest(time: Array, displacement: Array, period: float) -> tuple[int, bool]:
+def _find_end_of_rest(
+    time: Array, measured: Array, without_drift: Array, period: float, step: float
+) -> tuple[int, bool]:
     """Return the index of the first sample after rest, 0 if there is none, and whether the swing then grows slowly."""
-    step = typical_step(time)
     min_samples = min(MIN_WINDOW_SAMPLES, max(MIN_WINDOW_SAMPLES // 2, math.ceil(period / step)))
     width = max(period / 2, (min_samples - 1) * step)
     last_indices = np.maximum(np.searchsorted(time, time + width - step / 2), np.arange(len(time)) + min_samples - 1)
     last_indices = last_indices[last_indices < len(time)]
     if not last_indices.size:
         return 0, False
-    without_drift = without_line(time, displacement)
     swing = _sliding_maximum(without_drift, last_indices) + _sliding_maximum(-without_drift, last_indices)
     has_no_hole = _sliding_maximum(np.append(np.diff(time), 0.0), last_indices - 1) <= max(width / 2, 2.5 * step)
     rest_windows = np.flatnonzero((has_no_hole & (swing <= REST_SWING * swing.max()))[: int(np.argmax(swing))])
     if rest_windows.size == 0:
         return 0, False
     begin, end = int(rest_windows[-1]), int(last_indices[rest_windows[-1]])
-    level = np.median(displacement[begin : end + 1])
-    departure = np.abs(displacement - level)
+    level = np.median(measured[begin : end + 1])
+    departure = np.abs(measured - level)
     at_rest = departure <= max(MOTION_LEVEL * swing.max(), 3 * np.median(departure[begin : end + 1]))
     last_at_rest = begin + int(np.flatnonzero(at_rest[begin : end + 1])[-1])
     while at_rest[last_at_rest + 1 : last_at_rest + 3].any():  # beyond the window, which ends before a hole
@@ -168,19 +178,20 @@ def find_end_of_excitation(time: Array, displacement: Array) -> int:
     """Return the index of the first sample after an excitation; 0 if there is none."""
     if len(time) < MIN_WINDOW_SAMPLES:
         return 0
-    track = _track_windows(time, displacement, peak_frequencies(time, displacement - displacement.mean())[0])
+    track = _track_windows(
+        time, displacement, 2 * math.pi * peak_frequencies(time, displacement - displacement.mean())[0]
+    )
     z, windows = track.z, len(track.z)
     if windows < 2 * MIN_WINDOWS + 1:
         return 0
-    k = (track.time - track.time[0]) / track.length
-    motion = _motion_power(z, displacement)
+    k, motion = track.k, _motion_power(z, displacement)
 
     def is_evident(free: float, forced: float, unknowns: int) -> bool:
         return larger_model_is_evident(free, forced, 2 * windows, unknowns, motion)
 
-    log_q, free_misfits = _fit_tails(k, z)
+    log_q, free_misfits = fit_free_tails(k, z)
     single_misfit = float(free_misfits[0])
-    if not is_evident(single_misfit, _scatter_misfit(k, z, log_q[0]), 10 - 4):  # no smooth z is evident beside one mode
+    if not is_evident(single_misfit, scatter_misfit(k, z, log_q[0]), 10 - 4):  # no smooth z is evident beside one mode
         return 0
     misfits: dict[int, float] = {}
     sustained: dict[int, bool] = {}
@@ -188,7 +199,7 @@ def find_end_of_excitation(time: Array, displacement: Array) -> int:
     def best_end(ends: range) -> int:
         for s in ends:
             if s not in misfits:
-                misfit, sustained[s] = _fit_forced_response(k[:s], z[: s - 1], log_q[s])
+                misfit, sustained[s] = fit_forced_response(k[:s], z[: s - 1], log_q[s])
                 misfits[s] = (misfit + float(free_misfits[s])) * windows / (windows - 1)
         return min(misfits, key=lambda s: (misfits[s], s))
 
@@ -199,12 +210,12 @@ def find_end_of_excitation(time: Array, displacement: Array) -> int:
     best_misfit = misfits[end]  # of ten unknowns: q, its amplitude, B, p, C and s
     if not sustained[end] or not is_evident(single_misfit, best_misfit, 10 - 4):
         return 0
-    if not is_evident(_one_mode_misfit(k, z), best_misfit, 10 - 7):
+    if not is_evident(one_mode_misfit(k, z), best_misfit, 10 - 7):
         return 0
-    if not all(is_evident(_modes_misfit(k, z, modes), best_misfit, 10 - 4 * modes) for modes in (2, 3)):
+    if not all(is_evident(several_modes_misfit(k, z, modes), best_misfit, 10 - 4 * modes) for modes in (2, 3)):
         return 0
     latest_end = max(s for s, misfit in misfits.items() if not is_evident(misfit, best_misfit, 0))
-    return int(np.searchsorted(time, time[0] + track.number[latest_end] * track.length - typical_step(time) / 2))
+    return int(np.searchsorted(time, time[0] + track.number[latest_end] * track.length - track.step / 2))
 
 
 def _motion_power(z: ComplexArray, values: Array) -> float:
@@ -227,7 +238,7 @@ def find_takes(time: Array, measured: Array) -> list[slice]:
     z, A = track.z, track.amplitude
     if len(z) < 2 * MIN_WINDOWS + 1:
         return []
-    k = (track.time - track.time[0]) / track.length
+    k = track.k
     min_amplitude = REST_SWING * float(A.max())
     jumps = [0]
     for i in range(2, len(z) - 2):
@@ -240,16 +251,15 @@ def find_takes(time: Array, measured: Array) -> list[slice]:
     takes = [take for take in takes if take.stop - take.start >= MIN_WINDOWS + 1 and A[take].max() > min_amplitude]
     if len(takes) < 2:
         return []
-    single_misfit = min(_one_mode_misfit(k, z), _modes_misfit(k, z, 2), _modes_misfit(k, z, 3))
+    single_misfit = min(one_mode_misfit(k, z), several_modes_misfit(k, z, 2), several_modes_misfit(k, z, 3))
     window_share = sum(take.stop - take.start for take in takes) / len(z)  # and share of the noise in the takes
-    takes_misfit = sum(_one_mode_misfit(k[take] - k[take.start], z[take]) for take in takes) / window_share
+    takes_misfit = sum(one_mode_misfit(k[take] - k[take.start], z[take]) for take in takes) / window_share
     if takes_misfit > MAX_UNEXPLAINED_BY_TAKES * float(np.vdot(z, z).real):
         return []
     motion = _motion_power(z, measured)
     if not larger_model_is_evident(single_misfit, takes_misfit, 2 * len(z), 5 * len(takes), motion):
         return []
-    step = typical_step(time)
-    edges = time[0] + track.length * np.append(track.number, track.number[-1] + 1) - step / 2
+    edges = time[0] + track.length * np.append(track.number, track.number[-1] + 1) - track.step / 2
     return [slice(*np.searchsorted(time, edges[[take.start, take.stop]]).tolist()) for take in takes]
 
 
@@ -284,25 +294,25 @@ def unexplained_before(time: Array, measured: Array, ω: float, λ: float) -> tu
     track = track_oscillation(time - time[0], measured, ω, max_windows=MAX_TAKE_WINDOWS, degree=1, to_end=True)
     if len(track.z) < 2 * MIN_WINDOWS + 1:
         return 0.0, 0.0
-    k, z = (track.time - track.time[0]) / track.length, track.z
-    noise = _scatter_misfit(k, z, _fit_tails(k, z)[0][0])
-    unexplained = max(_fit_forced_response(np.append(k, k[-1] + 1), z, complex(-λ * track.length))[0] - noise, 0.0)
+    k, z = track.k, track.z
+    noise = scatter_misfit(k, z, fit_free_tails(k, z)[0][0])
+    unexplained = max(fit_forced_response(np.append(k, k[-1] + 1), z, complex(-λ * track.length))[0] - noise, 0.0)
     return max(float(np.vdot(z, z).real) - noise - unexplained, 0.0) / (2 * len(k)), unexplained / (2 * len(k))
 
 
 def unexplained_share(time: Array, measured: Array, ω: float) -> float:
     """Return the share of a motion near a frequency (rad/s) that neither one nor two free modes nor noise explain."""
-    track = track_oscillation(time - time[0], measured, ω, max_windows=MAX_WINDOWS, degree=1)
-    k, z = (track.time - track.time[:1]) / track.length, track.z
+    track = _track_windows(time, measured, ω)
+    k, z = track.k, track.z
     if len(z) < 2 * MIN_WINDOWS + 1:
         return 0.0
-    noise = _scatter_misfit(k, z, _fit_tails(k, z)[0][0])
-    return max(min(_one_mode_misfit(k, z), _modes_misfit(k, z, 2)) - noise, 0.0) / float(np.vdot(z, z).real)
+    noise = scatter_misfit(k, z, fit_free_tails(k, z)[0][0])
+    return max(min(one_mode_misfit(k, z), several_modes_misfit(k, z, 2)) - noise, 0.0) / float(np.vdot(z, z).real)
 
 
 def grows_slowly(time: Array, displacement: Array, frequency: float) -> bool:
     """Return whether the first oscillation of a given frequency (Hz) in a record grows over many windows."""
-    track = _track_windows(time, np.gradient(displacement, time), frequency)
+    track = _track_windows(time, np.gradient(displacement, time), 2 * math.pi * frequency)
     A = track.amplitude
     peak = int(np.argmax(A)) if A.size else 0
     A = A[np.append(-1, np.flatnonzero(~track.is_visible[:peak]))[-1] + 1 : peak + 1]
@@ -314,94 +324,6 @@ def grows_slowly(time: Array, displacement: Array, frequency: float) -> bool:
     return larger_model_is_evident(squares[0], squares[1], len(A) - 1, 0, squares[2])
 
 
-def _track_windows(time: Array, values: Array, frequency: float) -> Track:
-    return track_oscillation(time - time[0], values, 2 * math.pi * frequency, max_windows=MAX_WINDOWS, degree=1)
-
-
-def _fit_tails(k: Array, z: ComplexArray) -> tuple[ComplexArray, Array]:
-    """Return ln q of the free decay from each window to the last, and its misfit, by weighted regression of ln z."""
-    w = np.abs(z) ** 2
-    logarithm = np.log(np.abs(z)) + 1j * np.unwrap(np.angle(z))
-
-    def sum_from(values: ComplexArray | Array) -> ComplexArray:
-        return np.asarray(np.cumsum(values[::-1])[::-1], dtype=complex)
-
-    s0, s1, s2 = sum_from(w), sum_from(w * k), sum_from(w * k**2)
-    f0, f1, f2 = sum_from(w * logarithm), sum_from(w * k * logarithm), sum_from(w * np.abs(logarithm) ** 2)
-    spread = s2 - s1**2 / s0
-    spread[-1] = 1.0
-    log_q = (f1 - s1 * f0 / s0) / spread
-    misfit = (f2 - np.abs(f0) ** 2 / s0 - np.abs(log_q) ** 2 * spread).real
-    return log_q, np.maximum(misfit, 0.0)
-
-
-def _scatter_misfit(k: Array, z: ComplexArray, log_q: complex) -> float:
-    """Return the misfit of a smooth curve of any shape, from the second differences of z/q^k in successive windows."""
-    detrended = z * np.exp(-log_q * k)
-    amplitude = np.abs(z[1:-1] / detrended[1:-1])
-    squares = ((np.abs(np.diff(detrended, 2)) * amplitude) ** 2)[k[2:] - k[:-2] < 2.5]
-    return float(np.mean(squares)) / 6 * len(z) if squares.size else math.inf
-
-
-def _fit_forced_response(k: Array, y: ComplexArray, log_q: complex) -> tuple[float, bool]:
-    """Fit a forced response to z = y in all windows k but the last, the first sum of S(s).
-
-    Return its misfit, and whether the force sustains the motion: it beats with the mode, or supplies more than half of
-    the energy that the free mode would lose.
-    """
-    k, s = k[:-1], float(k[-1])
-    decay = np.exp(log_q * (k - s))
-    centre_angle, width = 0.0, math.pi / 2
-    decay_projection, energy = np.vdot(decay, y), float(np.vdot(decay, decay).real)
-
-    def fit_force(angles: Array) -> tuple[Array, ComplexArray, ComplexArray]:
-        steady = np.exp(1j * np.outer(angles, k))
-        cross, projection = steady.conj() @ decay, steady.conj() @ y
-        determinant = np.maximum(len(y) * energy - np.abs(cross) ** 2, 1e-9 * len(y) * energy)
-        B = (energy * projection - cross * decay_projection) / determinant
-        C = (decay_projection - cross.conj() * B) / energy
-        return np.vdot(y, y).real - (B.conj() * projection + C.conj() * decay_projection).real, B, C
-
-    for zoom in range(4):
-        angles = centre_angle + width * np.linspace(-1.0, 1.0, math.ceil(4 * s) + 9 if zoom == 0 else 9)
-        misfits, B, C = fit_force(angles)
-        best_index = int(np.argmin(misfits))
-        centre_angle, width = float(angles[best_index]), float(angles[1] - angles[0])
-    model = B[best_index] * np.exp(1j * centre_angle * k) + C[best_index] * decay
-    power, loss = np.abs(model) ** 2, 1 - math.exp(2 * log_q.real)
-    beats = abs(centre_angle - log_q.imag) * s > math.pi
-    supplied_energy = float(np.sum(power[1:] - power[:-1] * (1 - loss) ** np.diff(k)))
-    sustained = log_q.real < 0.0 and (beats or supplied_energy > loss * float(np.sum(power[:-1])) / 2)
-    return float(np.sum(np.abs(y - model) ** 2)), sustained
-
-
-def _one_mode_misfit(k: Array, z: ComplexArray) -> float:
-    """Return the misfit of one free mode with dA/dk = -c - a A - b A^2 and a frequency that depends on A^2."""
-    A = np.abs(z)
-    loss = fit_loss_rates(A, [cumulative_integral(k, 1 / A), k, cumulative_integral(k, A)])[2]
-    return (
-        loss + weighted_least_squares([np.ones(len(z)), k, cumulative_integral(k, A**2)], np.unwrap(np.angle(z)), A)[1]
-    )
-
-
-def _modes_misfit(k: Array, z: ComplexArray, modes: int) -> float:
-    """Return the misfit of several free modes, by the matrix pencil."""
-    all_windows = np.arange(round(k[-1]) + 1.0)
-    logarithm = np.log(np.abs(z)) + 1j * np.unwrap(np.angle(z))
-    filled = np.exp(np.interp(all_windows, k, logarithm))
-    hankel = np.lib.stride_tricks.sliding_window_view(filled, len(filled) // 2 + 1)
-    vectors = np.linalg.svd(hankel, full_matrices=False)[2][:modes].T
-    poles = np.linalg.eigvals(np.linalg.lstsq(vectors[:-1], vectors[1:])[0])
-
-    def residuals(log_poles: Array) -> Array:
-        growth, turn = np.split(log_poles, 2)
-        basis = np.exp(np.outer(k, np.minimum(growth, 0.0) + 1j * turn))
-        misfit = z - basis @ np.linalg.lstsq(basis, z)[0]
-        return np.concatenate([misfit.real, misfit.imag])
-
-    start = np.concatenate([np.log(np.maximum(np.abs(poles), np.finfo(float).tiny)), np.angle(poles)])
-    if len(k) == len(all_windows) and np.allclose(k, all_windows):
-        return float(np.sum(residuals(start) ** 2))
-    from scipy.optimize import least_squares  # slow to import, and rarely needed
-
-    return 2 * float(least_squares(residuals, start).cost)
+def _track_windows(time: Array, values: Array, ω: float) -> Track:
+    """Return the oscillation near a frequency (rad/s) about a line in each of few windows."""
+    return track_oscillation(time - time[0], values, ω, max_windows=MAX_WINDOWS, degree=1)

@@ -38,11 +38,11 @@ PANELS, STEPS = 8, 12
 
 @dataclass(frozen=True)
 class SmoothTerms:
-    """The unknowns of a smooth function, and the standard deviation of their prior."""
+    """The unknowns of a smooth function, and the standard deviation of the prior of their differences."""
 
     names: tuple[str, ...]
-    first: float
-    least: float
+    first_deviation: float
+    least_deviation: float
 
 
 def _names(quantity: str) -> tuple[str, ...]:
@@ -104,17 +104,26 @@ def flow_amplitude(
     return cs.exp(cs.mtimes(values, cs.horzcat(cs.log(e0), levels[:-1]).T) + cs.mtimes(slopes, rates.T))
 
 
+def panel_edges(t: Array, panels: int) -> Array:
+    """Return the edges of panels from 0 to the last time T (1 if there is none) that end at T, T/2, T/4, ..."""
+    return np.append(0.0, (float(t.max(initial=0.0)) or 1.0) * 0.5 ** np.arange(panels - 1, -1, -1))
+
+
 @lru_cache(maxsize=4)  # a fit needs those of a record several times
 def _interpolation(time: bytes) -> tuple[cs.DM, cs.DM, cs.DM]:
-    """Return steps (n,), and weights (m, n + 1) of the values and of the slopes at their ends for times (m,)."""
+    """Return the steps (n,) of the integration, and the weights of its results for cubic interpolation.
+
+    The weights (m, n + 1) are those of the values and of the slopes at the ends of the steps for times (m,), which come
+    as bytes, so that the results can be kept.
+    """
     t = np.frombuffer(time)
-    edges = np.append(0.0, (float(t.max(initial=0.0)) or 1.0) * 0.5 ** np.arange(PANELS - 1, -1, -1))
+    edges = panel_edges(t, PANELS)
     grid = np.interp(np.arange(PANELS * STEPS + 1) / STEPS, np.arange(PANELS + 1), edges)
     begin = np.clip(np.searchsorted(grid, t, side="right") - 1, 0, len(grid) - 2)
     steps = np.diff(grid)
     h, s = steps[begin], (t - grid[begin]) / steps[begin]
     places = np.tile(np.arange(len(t)), 2).tolist(), np.concatenate([begin, begin + 1]).tolist()
-    rise = s**2 * (3 - 2 * s)
+    rise = s**2 * (3 - 2 * s)  # Hermite's polynomials of the position s in a step
     pairs = (1 - rise, rise), (h * s * (1 - s) ** 2, -h * s**2 * (1 - s))
     values, slopes = (cs.DM.triplet(*places, cs.DM(np.concatenate(pair)), len(t), len(grid)) for pair in pairs)
     return cs.DM(steps), values, slopes

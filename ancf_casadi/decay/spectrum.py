@@ -127,7 +127,7 @@ def power_spectrum(time: Array, values: Array) -> tuple[Array, Array]:
 
 
 def _even_spectrum(step: float, values: Array) -> tuple[Array, Array]:
-    """Return the frequencies (Hz) and the power of values at an even step (s)."""
+    """Return the frequencies (Hz) and the power of values at an even step (s), with zeros appended (``PADDING``)."""
     length = 2 ** math.ceil(math.log2(PADDING * len(values)))
     power = np.abs(np.fft.rfft(values, length)) ** 2
     return np.arange(len(power)) / (length * step), power

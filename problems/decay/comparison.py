@@ -22,7 +22,6 @@ import casadi as cs
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ancf_casadi.decay.first_guess import first_guess, with_rest_position
 from ancf_casadi.decay.phase import FrequencyLaw
 from ancf_casadi.decay.rest_position import Rest
 from ancf_casadi.estimation.comparison import LawComparison
@@ -32,13 +31,14 @@ from ancf_casadi.estimation.solve import FitProblem, fitted_once
 from ancf_casadi.estimation.solver.unknown import with_guesses
 from ancf_casadi.exceptions import FitError, InputError
 from ancf_casadi.records.measurement import Measurement
-from ancf_casadi.support.inputs import is_sequence, number, shown
+from ancf_casadi.support.inputs import is_sequence, shown
 from ancf_casadi.support.interrupts import lasting_interrupts
-from problems.decay.block import DecayBlock, FreeDecay
-from problems.decay.laws import DECAY_TERMS, RATIO_BOUNDS, DecayModel, Law
+from problems.decay.block import DecayBlock
+from problems.decay.free_decay import FreeDecay, clean_record, cut_at_release
+from problems.decay.laws import DAMPING_TERMS, RATIO_BOUNDS, DecayModel, Law
 from problems.decay.limitations import refuse_unexplained
 from problems.decay.result import DecayFit
-from problems.decay.solution import as_record, fit_one_mode
+from problems.decay.solution import fit_one_mode
 from problems.decay.starting_values import select_frequency_law
 
 LAWS_COMPARED: tuple[Law, ...] = ("linear", "quadratic", "friction", "power")
@@ -46,9 +46,6 @@ FREQUENCY_LAWS_COMPARED: tuple[FrequencyLaw, ...] = ("constant", "linear", "quad
 RESTS_COMPARED: tuple[Rest, ...] = ("constant", "drift", "creep")
 MAX_LAG = 100.0  # lag of the criterion beyond which a law is not tried again beside another law; 10 would be clear
 MODEL_CHOICES = ("law", "frequency_law", "rest")  # in which combinations differ
-ADDITIVE: Mapping[Law, tuple[str, ...]] = {  # unknowns that are terms of the damping
-    law: ("zeta",) if law in ("linear", "power", "smooth") else terms for law, terms in DECAY_TERMS.items()
-}
 
 
 @lasting_interrupts()
@@ -96,43 +93,50 @@ def compare_decay_laws(
     >>> comparison.best.law
     'quadratic'
     """
-    models = _combinations(laws, frequency_laws, rests, ratio_bounds)
-    record = as_record(time, displacement)
-    release = None if release_time is None else number(release_time, "release_time")
-    guess = first_guess(record, release_time=release, rest="creep")
-    decays = {rest: FreeDecay.of(record, with_rest_position(guess, record, rest)) for rest in rests}
-    tracked_law = select_frequency_law(decays[rests[0]], frequency_laws)
+    models = combinations(laws, frequency_laws, rests, ratio_bounds)
+    comparison = compare_models(cut_at_release(clean_record(time, displacement), release_time), models)
+    refuse_unexplained(comparison.best)
+    return comparison
+
+
+def compare_models(decay: FreeDecay, models: Sequence[DecayModel]) -> LawComparison[DecayFit]:
+    """Fit models to a decay, those that lead to the best one, and select one by information criteria."""
+    frequency_laws = list(dict.fromkeys(model.frequency_law for model in models))
+    tracked_law = select_frequency_law(decay, frequency_laws)
     best = next(model for model in models if model.frequency_law == tracked_law)
     fits: dict[DecayModel, DecayFit] = {}
     failed: dict[DecayModel, str] = {}
-    comparison: LawComparison[DecayFit] | None = None
     lags: dict[DecayModel, float] = {}  # of the criterion of each fit behind the best
+    comparison: LawComparison[DecayFit] | None = None
     while candidates := _next_candidates(best, [model for model in models if model not in {*fits, *failed}], lags):
         for model in candidates:
             try:
-                best_fit = comparison.best if comparison else None
-                (fit,) = fit_one_mode([decays[model.rest]], model, other_fit=best_fit)
+                (fit,) = fit_one_mode([decay], model, other_fit=comparison.best if comparison else None)
                 _refuse_creep_within_a_period(fit)
                 fits[model] = fit
             except FitError as error:
                 failed[model] = str(error)
         if fits:
-            names = {_name(model): model for model in models if model in fits}
-            comparison = LawComparison(
-                names=tuple(names),
-                fits=tuple(fits[model] for model in names.values()),
-                terms=tuple(ADDITIVE[model.law] for model in names.values()),
-                failed={_name(model): reason for model, reason in failed.items()},
-                other_records=partial(_other_records, [fits[model] for model in names.values()]),
-            )
+            fits = {model: fits[model] for model in models if model in fits}
+            comparison = _judge_fits(fits, failed)
             evidence = np.array(comparison.verdict.evidence)
-            lags = dict(zip(names.values(), (2 * (evidence.max() - evidence)).tolist(), strict=True))
+            lags = dict(zip(fits, (2 * (evidence.max() - evidence)).tolist(), strict=True))
             best = next(model for model, fit in fits.items() if fit is comparison.best)
     if comparison is None:
         reasons = "; ".join(f"{_name(model)}: {reason}" for model, reason in failed.items())
         raise FitError(f"no law can be fitted; {reasons}")
-    refuse_unexplained(comparison.best, record)
     return comparison
+
+
+def _judge_fits(fits: Mapping[DecayModel, DecayFit], failed: Mapping[DecayModel, str]) -> LawComparison[DecayFit]:
+    """Return the comparison of the fits so far, with the reasons why others failed."""
+    return LawComparison(
+        names=tuple(map(_name, fits)),
+        fits=tuple(fits.values()),
+        terms=tuple(DAMPING_TERMS[model.law] for model in fits),
+        failed={_name(model): reason for model, reason in failed.items()},
+        other_records=partial(_other_records, list(fits.values())),
+    )
 
 
 def _refuse_creep_within_a_period(fit: DecayFit) -> None:
@@ -145,7 +149,7 @@ def _refuse_creep_within_a_period(fit: DecayFit) -> None:
 
 
 def comparison_arguments(law: str, frequency_law: str | None, rest: str | None) -> dict[str, Any]:
-    """Return the arguments of ``compare_decay_laws`` from names; ``auto`` and None compare all of a kind.
+    """Return the names to compare as arguments of ``combinations``; ``auto`` and None stand for all of a kind.
 
     With a law that is named, None stands for what is constant.
     """
@@ -173,7 +177,7 @@ def _other_records(fits: Sequence[DecayFit], truth: int, rival: int) -> dict[str
             record_fits = [_fit_exact(fit, exact, size) for fit in pair]
         except FitError:  # then nothing is said of this record
             continue
-        terms = [ADDITIVE[fit.law] for fit in pair]
+        terms = [DAMPING_TERMS[fit.law] for fit in pair]
         expectations[name] = expectation(
             record_fits, terms, record_fits[1].residuals, best.fit.residual_rms, noise_growth
         )
@@ -188,7 +192,7 @@ def _scaled_estimates(fit: DecayFit, size: float) -> dict[str, float]:
 def _fit_exact(fit: DecayFit, exact: Measurement, size: float) -> Fit:
     """Return the fit of the laws of a fit to an exact decay with another amplitude, relative to the fitted one."""
     unknowns = with_guesses(fit.fit.unknowns, _scaled_estimates(fit, size))
-    block = DecayBlock.of([replace(fit.decay, record=exact, fitted=exact)])
+    block = DecayBlock.of([replace(fit.decay, record=exact, fitted=exact, share=1.0)])
     return fitted_once(FitProblem((block,), tuple(unknowns), advice="name the laws"))
 
 
@@ -221,9 +225,14 @@ def _name(model: DecayModel) -> str:
     return f"{model.law}{f' + {model.frequency_law} frequency' if model.frequency_varies else ''}{rest_label}"
 
 
-def _combinations(laws: Any, frequency_laws: Any, rests: Any, ratios: Any) -> list[DecayModel]:
+def combinations(
+    laws: Sequence[Law] = LAWS_COMPARED,
+    frequency_laws: Sequence[FrequencyLaw] = FREQUENCY_LAWS_COMPARED,
+    rests: Sequence[Rest] = RESTS_COMPARED,
+    ratio_bounds: tuple[float, float] = RATIO_BOUNDS,
+) -> list[DecayModel]:
     """Return the damping laws with each frequency law and each rest position."""
     for names, argument in ((laws, "laws"), (frequency_laws, "frequency_laws"), (rests, "rests")):
         if not is_sequence(names) or not len(names):
             raise InputError(f"must be a sequence of names, got {shown(names)}", argument)
-    return [DecayModel(law, rest, bent, ratios) for rest, bent, law in product(rests, frequency_laws, laws)]
+    return [DecayModel(law, rest, bent, ratio_bounds) for rest, bent, law in product(rests, frequency_laws, laws)]

@@ -24,21 +24,19 @@ from typing import Any, Literal, get_args
 
 from numpy.typing import ArrayLike
 
-from ancf_casadi.decay.first_guess import first_guess
-from ancf_casadi.decay.outliers import without_outliers
 from ancf_casadi.decay.phase import FrequencyLaw
 from ancf_casadi.decay.rest_position import Rest
 from ancf_casadi.estimation.solver.unknown import Priors
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.records.measurement import Measurement
-from ancf_casadi.support.inputs import check_instance, choice, flag, instances, number, numbers
+from ancf_casadi.support.inputs import check_instance, choice, flag, instances, numbers
 from ancf_casadi.support.interrupts import lasting_interrupts
-from problems.decay.block import FreeDecay
-from problems.decay.comparison import compare_decay_laws, comparison_arguments
+from problems.decay.comparison import combinations, compare_models, comparison_arguments
+from problems.decay.free_decay import clean_record, cut_at_release
 from problems.decay.laws import RATIO_BOUNDS, DecayModel, Law
 from problems.decay.limitations import refuse_unexplained
 from problems.decay.result import DecayFit
-from problems.decay.solution import as_record, fit_one_mode, fit_record
+from problems.decay.solution import fit_one_mode
 from problems.decay.takes import DecayFits
 
 
@@ -108,28 +106,24 @@ def fit_decay(
     >>> fit.warnings
     ()
     """
-    record = as_record(time, displacement)
     choice(law, (*get_args(Law), "auto"), "law")
     choice("constant" if frequency_law is None else frequency_law, (*get_args(FrequencyLaw), "auto"), "frequency_law")
     choice("constant" if rest is None else rest, (*get_args(Rest), "auto"), "rest")
     check_instance(priors, "priors", Mapping, NoneType)
     robust = flag(robust, "robust")
-    if "auto" in (law, frequency_law, rest):
-        if robust or priors:
-            argument = "robust=True" if robust else "priors"
-            raise InputError(f"compares sums of squares; name a law, or leave out {argument}", "auto")
-        comparison = compare_decay_laws(
-            record,
-            **comparison_arguments(law, frequency_law, rest),
-            release_time=release_time,
-            ratio_bounds=ratio_bounds,
-        )
-        best, choice_warning = comparison.best, () if comparison.verdict.settled else comparison.verdict.warnings[:1]
-        return replace(best, decay=replace(best.decay, notes=(*best.notes, *choice_warning)))
-    model = DecayModel(law, rest or "constant", frequency_law or "constant", ratio_bounds)  # type: ignore[arg-type]
-    release = None if release_time is None else number(release_time, "release_time")
-    fit = fit_record(record, model, release_time=release, robust=robust, priors=dict(priors or {}))
-    refuse_unexplained(fit, record)
+    models = combinations(**comparison_arguments(law, frequency_law, rest), ratio_bounds=ratio_bounds)
+    if len(models) > 1 and (robust or priors):
+        argument = "robust=True" if robust else "priors"
+        raise InputError(f"compares sums of squares; name a law, or leave out {argument}", "auto")
+    record = clean_record(time, displacement)
+    decay = cut_at_release(record, release_time)
+    if len(models) == 1:
+        (fit,) = fit_one_mode([decay], models[0], robust=robust, priors=dict(priors or {}))
+    else:
+        comparison = compare_models(decay, models)
+        fit, choice_warning = comparison.best, () if comparison.verdict.settled else comparison.verdict.warnings[:1]
+        fit = replace(fit, decay=replace(fit.decay, notes=(*fit.notes, *choice_warning)))
+    refuse_unexplained(fit)
     return fit
 
 
@@ -183,21 +177,18 @@ def fit_decays(
     """
     model = DecayModel(law, rest, frequency_law, ratio_bounds)
     robust = flag(robust, "robust")
-    records = [without_outliers(record) for record in instances(records, "records", Measurement)]
+    records = [clean_record(record) for record in instances(records, "records", Measurement)]
     sensors = {record.sensor.quantity for record in records}
     if len(sensors) > 1:
         raise InputError(f"must have one quantity, got {', '.join(sorted(sensors))}; fit them apart", "records")
     releases = [None] * len(records) if release_times is None else numbers(release_times, "release_times")
     if len(releases) != len(records):
         raise InputError(f"has {len(releases)} values for {len(records)} records", "release_times")
-    decays = [
-        FreeDecay.of(record, first_guess(record, release_time=release, rest=rest))
-        for record, release in zip(records, releases, strict=True)
-    ]
+    decays = [cut_at_release(record, release) for record, release in zip(records, releases, strict=True)]
     joint_fits = fit_one_mode(decays, model, robust=robust)
     single_fits = [fit_one_mode([decay], model, robust=robust)[0] for decay in decays] if len(decays) > 1 else []
-    for fit, record in zip(single_fits or joint_fits, records, strict=True):
-        refuse_unexplained(fit, record)
+    for fit in single_fits or joint_fits:
+        refuse_unexplained(fit)
     settings: dict[str, Any] = {"law": law, "frequency_law": frequency_law, "rest": rest}
     refit = partial(fit_decays, release_times=release_times, ratio_bounds=ratio_bounds, robust=robust, **settings)
     return DecayFits(joint_fits[0].fit, joint_fits, tuple(single_fits) or joint_fits, again=refit)

@@ -118,6 +118,9 @@ DECAY_TERMS: Mapping[Law, tuple[str, ...]] = {  # reported damping coefficients,
     "power": ("eta_p", "exponent"),
     "smooth": (),
 }
+DAMPING_TERMS: Mapping[Law, tuple[str, ...]] = {  # unknowns to which the rate of decay is proportional, one or a sum
+    law: ("zeta",) if law in ("linear", "power", "smooth") else terms for law, terms in DECAY_TERMS.items()
+}
 FREQUENCY_REPORTED: Mapping[FrequencyLaw, tuple[str, ...]] = {  # where they are not the unknowns
     "logarithmic": ("frequency_log_slope", "corner_amplitude"),
     "smooth": ("frequency_change",),
@@ -208,20 +211,20 @@ class DecayModel:
             Unknown("frequency_exponent", 1.0, 1.0, *FREQUENCY_EXPONENTS),
             Unknown("frequency_log_slope", turn, turn),
             Unknown("log_corner", -2.0, 1.0, *LOG_CORNERS, curved=True),
-            *(Unknown(name, 0.0, max(turn, SMOOTH_FREQUENCY.first)) for name in SMOOTH_FREQUENCY.names),
+            *(Unknown(name, 0.0, max(turn, SMOOTH_FREQUENCY.first_deviation)) for name in SMOOTH_FREQUENCY.names),
         )
         return [unknown for unknown in unknowns if unknown.name in self.frequency_terms]
 
     def _damping(self, guess: DecayGuess) -> list[Unknown]:
         """Return the unknowns of the damping; each of eta1, eta2, eta0 begins with an equal part of the guess."""
-        ω, A, scale, names = guess.ω, guess.amplitude, 1 / (guess.ω * guess.duration), DECAY_TERMS[self.law]
-        if self.law in ("linear", "power", "smooth"):
+        ω, A, scale, names = guess.ω, guess.amplitude, 1 / (guess.ω * guess.duration), DAMPING_TERMS[self.law]
+        if names == ("zeta",):
             # at a ratio of 0, no record would determine the exponent, or relative changes
             lower, upper = self.ratio_bounds if self.law == "linear" else (1e-9, math.inf)
             reported = Reported("zeta", RATIO_AT.get(self.law, "damping_ratio"), "")
             shape = [Unknown("exponent", 1.0, 1.0, *EXPONENTS)] if self.law == "power" else []
             if self.law == "smooth":
-                shape = [Unknown(name, 0.0, SMOOTH_DAMPING.first) for name in SMOOTH_DAMPING.names]
+                shape = [Unknown(name, 0.0, SMOOTH_DAMPING.first_deviation) for name in SMOOTH_DAMPING.names]
             return [
                 Unknown("zeta", min(max(guess.ζ, lower), upper), scale, lower, upper, reported=reported),
                 *shape,
@@ -278,9 +281,25 @@ class DecayModel:
         η1, η2 = damping
         return quadratic_envelope(time, ω, η1, η2, e0)
 
-    def change(self, amplitude: Array, *terms: float) -> Array:
-        """Return the relative change of the frequency at amplitudes (m), given values of ``frequency_terms``."""
-        return np.asarray(cs.evalf(self._change(_column(amplitude), [cs.MX(term) for term in terms])).full().ravel())
+    def unit_changes(self, amplitude: Array, *shape: float) -> list[Array]:
+        """Return the relative changes of the frequency at amplitudes (m) for a value of 1 of each linear unknown.
+
+        ``shape`` has the unknown on which the change depends in another way, the exponent or the corner, if any.
+        """
+        unit_terms = np.eye(len(self.frequency_terms) - len(shape)).tolist()
+        columns = ([*map(cs.MX, (*terms, *shape))] for terms in unit_terms)
+        return [evaluate(self._change(_column(amplitude), terms)) for terms in columns]
+
+    def term_rates(self, amplitude: Array, ω: float, exponent: float = 1.0) -> list[Array]:
+        """Return the rates of decay -A'/A (1/s) at amplitudes (m) for a value of 1 of each of ``DAMPING_TERMS``."""
+        ones = np.ones(len(amplitude))
+        rates = {
+            "zeta": ω * ones * (amplitude / self.reference) ** (exponent - 1),
+            "eta1": ones / 2,
+            "eta2": 4 * ω * amplitude / (3 * math.pi),
+            "eta0": 2 / (math.pi * ω * amplitude),
+        }
+        return [rates[name] for name in DAMPING_TERMS[self.law]]
 
     def _change(self, amplitude: cs.MX, frequency_terms: Symbols) -> cs.MX:
         """Return the relative change of the frequency at an amplitude (m)."""
@@ -383,6 +402,11 @@ class DecayModel:
         release = len(x) - 2 - len(REST_TERMS[self.rest])
         damping_end = release - len(self.frequency_terms)
         return x[0], x[1:damping_end], x[damping_end:release], x[release : release + 2], x[release + 2 :]
+
+
+def evaluate(expression: cs.MX) -> Array:
+    """Return the values (m,) of an expression without symbols."""
+    return np.asarray(cs.evalf(expression)).ravel()
 
 
 def _column(values: Array) -> cs.MX:

@@ -33,9 +33,9 @@ from ancf_casadi.estimation.agreement import DISAGREE, subset_estimates
 from ancf_casadi.estimation.fit import colour_warning
 from ancf_casadi.exceptions import FitError, InputError
 from ancf_casadi.records.measurement import Measurement
-from ancf_casadi.records.processing import resolution
 from ancf_casadi.support.tables import with_error
-from problems.decay.block import NOISE_FREE, late_residuals
+from problems.decay.block import late_residuals
+from problems.decay.free_decay import NOISE_FREE
 
 if TYPE_CHECKING:
     from problems.decay.result import DecayFit
@@ -59,28 +59,29 @@ POORLY_DETERMINED = (
 )  # unknowns that a part may not show alone
 
 
-def limitations(decay: DecayFit) -> list[str]:
+def limitations(result: DecayFit) -> list[str]:
     """Return the limitations of the fit of one record, one sentence each."""
-    fit, values = decay.fit, decay.values
-    noise_free = NOISE_FREE * values["amplitude"] * _speed(decay)
-    noisy = math.sqrt(np.mean(fit.residuals[decay.rows] ** 2)) > noise_free
+    fit, values = result.fit, result.values
+    noise_free = NOISE_FREE * values["amplitude"] * _speed(result)
+    noisy = math.sqrt(np.mean(fit.residuals[result.rows] ** 2)) > noise_free
     warnings = [
-        _length_warning(decay),
-        _hum_warning(decay) if noisy else None,
-        _precision_warning(decay) if noisy else None,
-        _residual_warning(decay, noise_free),
-        _law_change_warning(decay) if noisy else None,
+        _length_warning(result),
+        _hum_warning(result) if noisy else None,
+        _precision_warning(result) if noisy else None,
+        _residual_warning(result, noise_free),
+        _law_change_warning(result) if noisy else None,
     ]
     return [text for text in warnings if text]
 
 
-def _speed(decay: DecayFit) -> float:
+def _speed(result: DecayFit) -> float:
     """Return the amplitude of the record over that of the displacement."""
-    return float((2 * math.pi * decay.frequency) ** decay.model.sensor.derivatives)
+    return float((2 * math.pi * result.frequency) ** result.model.sensor.derivatives)
 
 
-def _length_warning(decay: DecayFit) -> str | None:
-    periods = (decay.time[-1] - decay.time[0]) * decay.frequency
+def _length_warning(result: DecayFit) -> str | None:
+    """Return a warning if a record has few periods."""
+    periods = (result.time[-1] - result.time[0]) * result.frequency
     if periods >= FEW_PERIODS:
         return None
     return (
@@ -89,73 +90,74 @@ def _length_warning(decay: DecayFit) -> str | None:
     )
 
 
-def _hum_warning(decay: DecayFit) -> str | None:
+def _hum_warning(result: DecayFit) -> str | None:
     """Return a warning if the fitted oscillation lasts, as hum does, and another one in the residuals decays."""
-    length = float(decay.time[-1] - decay.time[0])
-    if decay.damping_ratio * 2 * math.pi * decay.frequency * length > 0.1:  # otherwise the oscillation lasts
+    length = float(result.time[-1] - result.time[0])
+    if result.damping_ratio * 2 * math.pi * result.frequency * length > 0.1:  # otherwise the oscillation lasts
         return None
-    residual = residual_oscillation(decay)
+    residual = residual_oscillation(result)
     if residual is None or residual.ζ * residual.ω * length < 1.0:  # otherwise it decays
         return None
     return (
-        f"the fitted oscillation of {decay.frequency:.4g} Hz hardly decays, but another one of "
+        f"the fitted oscillation of {result.frequency:.4g} Hz hardly decays, but another one of "
         f"{residual.ω / (2 * math.pi):.4g} Hz does: if the first is hum, isolate the second with isolate_mode or "
         "--band, or fit both with fit_modes"
     )
 
 
-def residual_oscillation(decay: DecayFit) -> DecayGuess | None:
+def residual_oscillation(result: DecayFit) -> DecayGuess | None:
     """Return the strongest oscillation in the residuals of a fit; None if they are noise."""
     try:
-        return first_guess(Measurement(decay.time, decay.residuals), release_time=decay.release_time)
+        return first_guess(Measurement(result.time, result.residuals), release_time=result.release_time)
     except InputError:
         return None
 
 
-def _precision_warning(decay: DecayFit) -> str | None:
-    ζ, error, length = decay.damping_ratio, decay.standard_errors["damping_ratio"], decay.time[-1] - decay.time[0]
+def _precision_warning(result: DecayFit) -> str | None:
+    """Return a warning if the damping ratio is uncertain, with the length of a record that would be enough."""
+    ζ, error, length = result.damping_ratio, result.standard_errors["damping_ratio"], result.time[-1] - result.time[0]
     if not error > IMPRECISE * abs(ζ):
         return None
     uncertainty = f"has a standard error of {error / abs(ζ):.0%}"
     if error >= abs(ζ):
         uncertainty = "does not differ significantly from zero"
     advice = "less noise, or a larger release, would help"
-    if ζ * 2 * math.pi * length * decay.frequency < 1.0:
+    if ζ * 2 * math.pi * length * result.frequency < 1.0:
         needed = length * (min(error / abs(ζ), 1.0) / IMPRECISE) ** (2 / 3) if ζ else math.inf
         advice = f"the record is too short; {needed:.2g} s would give {IMPRECISE:.0%}"
     return f"the damping ratio {uncertainty}: {advice}"
 
 
-def explained_share(fit: DecayFit) -> float:
+def explained_share(result: DecayFit) -> float:
     """Return the share of the oscillation from the release on that the law explains; nan for one of several modes.
 
     White noise is no oscillation, nor is a motion slower than half the frequency of the mode.
     """
-    if len(fit.decay.modes) > 1:
+    if len(result.decay.modes) > 1:
         return math.nan  # several modes explain the record together
-    motion = float(np.var(fit.measured + fit.residuals))
-    unexplained = oscillating_power(fit.time, fit.residuals, fit.frequency / 2)
+    motion = float(np.var(result.measured + result.residuals))
+    unexplained = oscillating_power(result.time, result.residuals, result.frequency / 2)
     return motion / (motion + unexplained) if motion else 0.0
 
 
-def refuse_unexplained(decay: DecayFit, record: Measurement) -> None:
+def refuse_unexplained(result: DecayFit) -> None:
     """Raise a FitError if the decay explains less than half of its motion, or the record cannot show it.
 
     The latter is the case for a random response, and for an oscillation of few steps of the resolution.
     """
-    share = decay.explained_share
+    share = result.explained_share
     if math.isnan(share):  # one of several modes
         return
-    step, size = resolution(record.values), decay.amplitude * _speed(decay)
-    if size < MIN_RESOLUTION_STEPS * step and decay.residual_rms < DITHER * step:
+    step, size = result.decay.resolution, result.amplitude * _speed(result)
+    if size < MIN_RESOLUTION_STEPS * step and result.residual_rms < DITHER * step:
         raise FitError(
-            f"the oscillation is {size / step:.1f} steps of {f'{step:.2g} {decay.model.sensor.unit}'.rstrip()} large, "
+            f"the oscillation is {size / step:.1f} steps of {f'{step:.2g} {result.model.sensor.unit}'.rstrip()} large, "
             "the resolution of the record, which hide its decay; measure with a finer resolution or a larger release"
         )
-    since = f"from {decay.release_time:g} s on"
-    residuals_near_mode = share < MIN_EXPLAINED and 0.5 < _residual_frequency(decay) / decay.frequency < 1.5
-    if decay.release_reason.startswith(DETECTED_REASONS) and (residuals_near_mode or _is_random(decay, record)):
-        growth = "".join(f", or {note.partition(':')[0]}" for note in decay.notes if note.startswith(GROWS))
+    since = f"from {result.release_time:g} s on"
+    residuals_near_mode = share < MIN_EXPLAINED and 0.5 < _residual_frequency(result) / result.frequency < 1.5
+    if result.release_reason.startswith(DETECTED_REASONS) and (residuals_near_mode or _is_random(result)):
+        growth = "".join(f", or {note.partition(':')[0]}" for note in result.notes if note.startswith(GROWS))
         raise FitError(
             f"the record looks like a response to a random excitation, not a free decay{growth}: a decay {since} "
             f"explains {100 * share:.0f} % of the motion there, and nothing like it the rest; if the record "
@@ -163,46 +165,46 @@ def refuse_unexplained(decay: DecayFit, record: Measurement) -> None:
         )
     if share < MIN_EXPLAINED:
         raise FitError(
-            f"a decay of {decay.frequency:.4g} Hz explains only {100 * share:.0f} % of the motion {since}, and the "
-            f"residuals oscillate at {_residual_frequency(decay):.4g} Hz: fit_modes fits several modes; if an "
+            f"a decay of {result.frequency:.4g} Hz explains only {100 * share:.0f} % of the motion {since}, and the "
+            f"residuals oscillate at {_residual_frequency(result):.4g} Hz: fit_modes fits several modes; if an "
             "excitation goes on, give the time of the release"
         )
 
 
-def _is_random(decay: DecayFit, record: Measurement) -> bool:
+def _is_random(result: DecayFit) -> bool:
     """Return whether free modes fail to explain the decay, or rest and a harmonic excitation the record before it."""
-    ω, length = 2 * math.pi * decay.frequency, len(decay.time)
-    share = 1 - decay.explained_share
-    free = unexplained_share(decay.time, record.values[-length:], ω) if share > SMALL_UNEXPLAINED else 0.0
+    ω, source, before = 2 * math.pi * result.frequency, result.decay.source, result.decay.guess.release
+    share = 1 - result.explained_share
+    free = unexplained_share(result.time, result.measured, ω) if share > SMALL_UNEXPLAINED else 0.0
     if share > MAX_UNEXPLAINED and free > min(MAX_UNEXPLAINED, share / 3):  # another law or mode would explain more
         return True
-    forced, unforced = unexplained_before(record.time[:-length], record.values[:-length], ω, decay.damping_ratio * ω)
-    decay_power = float(np.var(decay.measured + decay.residuals))
-    before, after = len(record.time) - length, length
-    after_rest = decay.release_reason == "the end of rest"
+    forced, unforced = unexplained_before(source.time[:before], source.values[:before], ω, result.damping_ratio * ω)
+    decay_power = float(np.var(result.measured + result.residuals))
+    after_rest = result.release_reason == "the end of rest"
     allowed = MAX_UNEXPLAINED_BEFORE if free <= SMALL_UNEXPLAINED else MAX_UNEXPLAINED_BEFORE / 3
-    return before * (unforced + after_rest * forced) > allowed * (before * (forced + unforced) + after * decay_power)
+    motion = before * (forced + unforced) + result.samples * decay_power
+    return before * (unforced + after_rest * forced) > allowed * motion
 
 
-def _residual_frequency(decay: DecayFit) -> float:
+def _residual_frequency(result: DecayFit) -> float:
     """Return the frequency (Hz) of the strongest oscillation in the residuals."""
-    return peak_frequencies(decay.time, decay.residuals - decay.residuals.mean())[0]
+    return peak_frequencies(result.time, result.residuals - result.residuals.mean())[0]
 
 
-def _residual_warning(decay: DecayFit, noise_free: float) -> str | None:
+def _residual_warning(result: DecayFit, noise_free: float) -> str | None:
     """Return a warning if the residuals are not noise: their share of the motion, and the likely cause."""
-    warning = colour_warning(decay.fit, noise_free=noise_free)
-    if warning is None or math.isnan(decay.explained_share):
+    warning = colour_warning(result.fit, noise_free=noise_free)
+    if warning is None or math.isnan(result.explained_share):
         return warning
-    residual = f"{decay.residual_rms:.2g} {decay.model.sensor.unit}".rstrip()
-    if _is_rounded(decay):
-        step = f"{resolution(decay.measured):.2g} {decay.model.sensor.unit}".rstrip()
+    residual = f"{result.residual_rms:.2g} {result.model.sensor.unit}".rstrip()
+    if _is_rounded(result):
+        step = f"{result.decay.resolution:.2g} {result.model.sensor.unit}".rstrip()
         return (
             f"the residuals ({residual} rms) are quantisation noise of a record with steps of {step}; the standard "
             "errors allow for their correlation"
         )
-    frequency = _residual_frequency(decay)
-    order = frequency / decay.frequency
+    frequency = _residual_frequency(result)
+    order = frequency / result.frequency
     if order < 0.5:
         cause = "a slow motion: compare rest positions"
     elif order < 1.5:
@@ -212,23 +214,23 @@ def _residual_warning(decay: DecayFit, noise_free: float) -> str | None:
     else:
         cause = "another mode: fit_modes fits both"
     return (
-        f"the residuals ({residual} rms, {100 * (1 - decay.explained_share):.2g} % of the motion) are not noise: they "
+        f"the residuals ({residual} rms, {100 * (1 - result.explained_share):.2g} % of the motion) are not noise: they "
         f"oscillate at {frequency:.4g} Hz, {cause}; the standard errors allow for it"
     )
 
 
-def _is_rounded(decay: DecayFit) -> bool:
+def _is_rounded(result: DecayFit) -> bool:
     """Return whether the residuals are as small as those of rounding to the resolution of the record."""
-    return decay.residual_rms < resolution(decay.measured) / 2
+    return result.residual_rms < result.decay.resolution / 2
 
 
-def _law_change_warning(decay: DecayFit) -> str | None:
+def _law_change_warning(result: DecayFit) -> str | None:
     """Return a warning if the two parts of a record disagree on the mode by more than rounding explains."""
-    if _is_rounded(decay):
+    if _is_rounded(result):
         return None
-    fit, rows = decay.fit, decay.rows
-    time = decay.time if fit.times is None else decay.release_time + fit.times[rows]
-    indices = [k for k in decay.indices if not fit.names[k].startswith(POORLY_DETERMINED) and not fit.active_bounds[k]]
+    fit, rows = result.fit, result.rows
+    time = result.time if fit.times is None else result.release_time + fit.times[rows]
+    indices = [k for k in result.indices if not fit.names[k].startswith(POORLY_DETERMINED) and not fit.active_bounds[k]]
     is_late = late_residuals(fit, [rows], 1 / 2)
     is_early = ~is_late
     is_early[: rows.start] = is_early[rows.stop :] = False

@@ -96,7 +96,7 @@ class ModeSearch:
             joint = None
         if joint is not None and not mode_is_visible(joint[-1]):
             return self._subtract_noise(mode)
-        if any(self._is_harmonic(k, order, mode) for k, order in orders):
+        if any(self._subtract_harmonic(k, order, mode) for k, order in orders):
             return ""
         if joint is None:
             return self._subtract_other(
@@ -134,8 +134,8 @@ class ModeSearch:
                 self.harmonics[k, order] = fit_harmonic(moving_mode, order, self.time, residuals)
         return ""
 
-    def _is_harmonic(self, k: int, order: int, mode: DecayFit) -> bool:
-        """Return whether an oscillation is a harmonic of a mode, and subtract the harmonic if so."""
+    def _subtract_harmonic(self, k: int, order: int, mode: DecayFit) -> bool:
+        """Subtract an oscillation as the harmonic of mode k; return False if it is evident as a mode of its own."""
         residuals = self.residuals + self.harmonics.get((k, order), 0.0)
         curve = fit_harmonic(self.shapes[k], order, self.time, residuals)
         if not harmonic_suffices(

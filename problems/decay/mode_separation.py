@@ -33,10 +33,11 @@ from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.support.inputs import flag, number, physical, vector, whole
 from ancf_casadi.support.interrupts import lasting_interrupts
 from ancf_casadi.support.tables import Displayed
+from problems.decay.free_decay import clean_record
 from problems.decay.limitations import residual_oscillation
 from problems.decay.mode_search import ModeSearch, decay_rate, is_lasting, search_modes
 from problems.decay.result import DecayFit
-from problems.decay.solution import as_record, fit_several_modes
+from problems.decay.solution import fit_several_modes
 from problems.decay.takes import DecayModes
 
 MAX_DECAY_MODES = 6  # fitted at once if no number is given
@@ -127,7 +128,7 @@ def fit_modes(
     1.91 Hz, 0.83 %
     9.55 Hz, 0.50 %
     """
-    record = as_record(time, displacement)
+    record = clean_record(time, displacement)
     max_modes = max(1, len(record.time) // 5)  # four unknowns and one degree of freedom per mode
     limit = min(MAX_DECAY_MODES, max_modes) if modes is None else whole(modes, "modes", 1, max_modes)
     release = None if release_time is None else number(release_time, "release_time")

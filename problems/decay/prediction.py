@@ -17,7 +17,6 @@ from typing import Any
 
 import numpy as np
 
-from ancf_casadi.decay.first_guess import first_guess
 from ancf_casadi.decay.rest_position import REST_TERMS
 from ancf_casadi.estimation.fit import Fit
 from ancf_casadi.estimation.prediction import TIME_AXIS, PredictedChannel, RecordPrediction
@@ -26,7 +25,8 @@ from ancf_casadi.estimation.solver.unknown import Unknown
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.support.inputs import check_instance
-from problems.decay.block import DecayBlock, DecayMode, FreeDecay
+from problems.decay.block import DecayBlock
+from problems.decay.free_decay import DecayMode, cut_at_release
 
 
 def predict_decay(fit: Fit, modes: Sequence[DecayMode], residual_rms: float, record: Any) -> RecordPrediction:
@@ -40,7 +40,7 @@ def predict_decay(fit: Fit, modes: Sequence[DecayMode], residual_rms: float, rec
     if record.sensor != sensor:
         raise InputError(f"must be of {sensor.quantity} as in the fit, got {record.sensor.quantity}", "record")
     rest_law = max((mode.model.rest for mode in modes), key=list(REST_TERMS).index)
-    decay = FreeDecay.of(record, first_guess(record, rest=rest_law))
+    decay = cut_at_release(record).about(rest_law)
     release_unknowns, decay_modes = list[Unknown](), []
     for number, mode in enumerate(modes, start=1):
         unknowns = [replace(u, name=f"{u.name}_predicted_{number}") for u in mode.model.release_unknowns(decay.guess)]

@@ -28,7 +28,7 @@ from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.support.arrays import Array, root_mean_square
 from ancf_casadi.support.inputs import array
 from ancf_casadi.support.tables import finite_or_none, to_width
-from problems.decay.block import FreeDecay
+from problems.decay.free_decay import FreeDecay
 from problems.decay.laws import DECAY_QUANTITIES, DecayModel, Law
 from problems.decay.limitations import explained_share, limitations
 from problems.decay.prediction import predict_decay
@@ -172,7 +172,7 @@ class DecayFit(LeastSquaresResult):
     @property
     def release_reason(self) -> str:
         """Reason for the start of the decay: the first sample, the end of rest, the end of an excitation, or given."""
-        return self.decay.reason
+        return self.decay.guess.reason
 
     @property
     def notes(self) -> tuple[str, ...]:

@@ -4,8 +4,8 @@ A fit starts from the first guess or from the track of amplitude and phase (``st
 smaller residuals, and if it does not converge, from the other one.  With several records, the one with the largest
 amplitude gives the starting values of the mode.  Smooth laws also start from the fit of simpler laws.
 
-A long record is fitted twice: in the band of the mode (``block``), and again less the curve of the first fit, or only
-less the curve of another law.
+A long record is fitted twice: in the band of the mode (``free_decay``), and again less the curve of the first fit, or
+only less the curve of another law.  Outliers would spread, so that a robust fit takes all samples.
 """
 
 from __future__ import annotations
@@ -18,22 +18,20 @@ from types import MappingProxyType
 
 import casadi as cs
 import numpy as np
-from numpy.typing import ArrayLike
 
-from ancf_casadi.decay.first_guess import first_guess
-from ancf_casadi.decay.outliers import without_outliers
 from ancf_casadi.decay.phase import FrequencyLaw
 from ancf_casadi.decay.smooth import MIDDLE, SMOOTH_DAMPING, SMOOTH_FREQUENCY, smooth_nodes
 from ancf_casadi.estimation.agreement import DISAGREE
 from ancf_casadi.estimation.fit import Fit
 from ancf_casadi.estimation.solve import FitProblem, FitSolution, fitted_once, solve
 from ancf_casadi.estimation.solver.unknown import Priors, Unknown, with_guesses
-from ancf_casadi.exceptions import FitError, InputError
+from ancf_casadi.exceptions import FitError
 from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.inputs import check_instance
-from problems.decay.block import DAMPING, NOISE_FREE, DecayBlock, DecayMode, FreeDecay, SmoothnessBlock, sample_counts
-from problems.decay.laws import DecayModel, Law, with_priors
+from problems.decay.block import DAMPING, DecayBlock, SmoothnessBlock
+from problems.decay.free_decay import NOISE_FREE, DecayMode, FreeDecay, cut_at_release, needed_share
+from problems.decay.laws import DecayModel, Law, evaluate, with_priors
 from problems.decay.limitations import GROWS
 from problems.decay.result import DecayFit
 from problems.decay.starting_values import amplitude_span, select_frequency_law, starting_values
@@ -42,17 +40,6 @@ GROWING = (-0.999, 0.999)  # bounds of a damping ratio that may be negative
 NO_PRIORS: Priors = {}
 SIMPLER_LAWS: Sequence[FrequencyLaw] = ("constant", "linear", "quadratic", "logarithmic")  # than a smooth frequency
 SIMPLER_LAW: Law = "friction"  # than a smooth damping ratio: it may rise and fall
-
-
-def as_record(time: Measurement | ArrayLike, displacement: ArrayLike | None) -> Measurement:
-    """Return a record, or times (s) and displacements (m) as a record, without outliers."""
-    if isinstance(time, Measurement):
-        if displacement is not None:
-            raise InputError("is part of the record already; leave it out", "displacement")
-        return without_outliers(time)
-    if displacement is None:
-        raise InputError("is missing; give it after the times, or give a Measurement", "displacement")
-    return without_outliers(Measurement(time, displacement))
 
 
 def fit_record(
@@ -65,8 +52,7 @@ def fit_record(
 ) -> DecayFit:
     """Fit one free decay; see ``fit_one_mode``."""
     check_instance(record, "records", Measurement)
-    decay = FreeDecay.of(record, first_guess(record, release_time=release_time, rest=model.rest))
-    return fit_one_mode([decay], model, robust=robust, priors=priors)[0]
+    return fit_one_mode([cut_at_release(record, release_time)], model, robust=robust, priors=priors)[0]
 
 
 def fit_one_mode(
@@ -81,26 +67,54 @@ def fit_one_mode(
 
     ``other_fit``, the fit of one record by another law, replaces the first fit of a long record.
     """
-    sensor, reference = decays[0].record.sensor, max(decay.guess.amplitude for decay in decays)
-    model = replace(requested, reference=reference, sensor=sensor)
+    decays = [decay.about(requested.rest) for decay in decays]
+    reference = max(decay.guess.amplitude for decay in decays)
+    model = replace(requested, reference=reference, sensor=decays[0].record.sensor)
     if model.smooth:
         model = replace(model, span=amplitude_span(decays))
-    lengths = [len(decay.time) for decay in decays]
-    counts = lengths if robust else sample_counts(decays)
-    values = other_fit.fit.estimates if other_fit else {}
-    curve = partial(other_fit.decay.at, values=values) if other_fit else np.zeros_like
-    fitted = [decay.reduced(count, curve) for decay, count in zip(decays, counts, strict=True)]
-    problem, starts = decay_problem(model, fitted, robust=robust, priors=priors, other_estimates=values)
-    solution = solve(problem, starts, compare=False)
-    if counts != lengths and other_fit is None:
-        solution = _solve_less_curve(solution)
+    other_modes, other_estimates = (other_fit.decay.modes, other_fit.fit.estimates) if other_fit else ((), {})
+    share = 1.0 if robust else needed_share(decays)
+    decays = [replace(decay, modes=other_modes).reduced(share, other_estimates) for decay in decays]
+    problem, starts = decay_problem(model, decays, robust=robust, priors=priors, other_estimates=other_estimates)
+    solution = _solve(problem, starts, twice=share < 1.0 and not other_fit)
     results = []
     for decay, rows in _fitted_decays(solution):
         notes = (*decay.notes, *_growth_warnings(decay, solution.fit))
-        release = decay.release_time if decay.reason == "given" else None
+        release = decay.release_time if decay.guess.reason == "given" else None
         refit = partial(fit_record, model=requested, release_time=release, robust=robust, priors=priors)
         results.append(DecayFit(solution.fit, replace(decay, notes=notes), rows, again=refit))
     return tuple(results)
+
+
+def fit_several_modes(modes: Sequence[DecayFit], t: Array, y: Array) -> tuple[DecayFit, ...]:
+    """Return the fits of modes, known from fits alone, at once to values y at times t (s) from the release on."""
+    first, unknowns, decay_modes = modes[0].decay, list[Unknown](), []
+    for number, mode in enumerate(modes, start=1):
+        mode_unknowns = with_guesses([mode.fit.unknowns[k] for k in mode.indices], mode.fit.estimates)
+        mode_unknowns = [replace(unknown, name=f"{unknown.name}_{number}") for unknown in mode_unknowns]
+        decay_modes.append(DecayMode(mode.model, tuple(unknown.name for unknown in mode_unknowns)))
+        unknowns += mode_unknowns
+    guess = replace(first.guess, ω=2 * math.pi * max(mode.frequency for mode in modes))  # which decides on the band
+    record = Measurement(t - t[0], y, sensor=first.record.sensor)
+    decay = replace(first, record=record, guess=guess, modes=tuple(decay_modes))
+    share = needed_share([decay])
+    block = DecayBlock.of([decay.reduced(share, {unknown.name: unknown.guess for unknown in unknowns})])
+    advice = "fit fewer modes, or check the time of the release"
+    problem = FitProblem((block,), tuple(unknowns), most_unexplained=1.0, advice=advice)
+    solution = _solve(problem, twice=share < 1.0)
+    ((decay, rows),) = _fitted_decays(solution)
+    return tuple(replace(mode, fit=solution.fit, decay=decay, rows=rows, mode=k) for k, mode in enumerate(modes))
+
+
+def _solve(problem: FitProblem, starts: Sequence[Mapping[str, float]] = ({},), *, twice: bool) -> FitSolution:
+    """Solve a problem of decays; if ``twice``, again with the bands of what the curves of the solution leave."""
+    solution = solve(problem, starts, compare=False)
+    if not twice:
+        return solution
+    problem, estimates = solution.problem, solution.fit.estimates
+    blocks = (block.less_curve(estimates) if isinstance(block, DecayBlock) else block for block in problem.blocks)
+    unknowns = with_guesses(problem.unknowns, estimates)
+    return solve(replace(problem, blocks=tuple(blocks), unknowns=tuple(unknowns)))
 
 
 def decay_problem(
@@ -119,24 +133,21 @@ def decay_problem(
     largest = int(np.argmax([decay.guess.amplitude for decay in decays]))
     unknowns = model.mode_unknowns(decays[largest].guess)
     law_names = tuple(unknown.name for unknown in unknowns)
-    tracks, fitted = [starting_values(model, decay) for decay in decays], []
-    track = dict(tracks[largest])
+    tracked_values = [starting_values(model, decay) for decay in decays]
+    tracked, with_modes = dict(tracked_values[largest]), []
     for k, decay in enumerate(decays):
         suffix = f"_{k + 1}" if len(decays) > 1 else ""
         release_unknowns = [replace(u, name=u.name + suffix) for u in model.release_unknowns(decay.guess)]
         names = (*law_names, *(unknown.name for unknown in release_unknowns))
         unknowns += release_unknowns
-        fitted.append(replace(decay, modes=(DecayMode(model, names),)))
-        track |= {name + suffix: value for name, value in tracks[k].items()}
+        with_modes.append(replace(decay, modes=(DecayMode(model, names),)))
+        tracked |= {name + suffix: value for name, value in tracked_values[k].items()}
     unknowns = with_priors(unknowns, priors, model)
     if model.smooth:
         other_estimates = _simpler_estimates(model, decays)
-    values = [{}, track, *([{**track, **other_estimates}] if other_estimates else [])]
-    starts = [{u.name: u.guess for u in with_guesses(unknowns, start)} for start in values]
-    block = DecayBlock.of(fitted)
-    misfits = [block.misfits(start) for start in starts]
-    order = np.argsort([sum(float(residuals @ residuals) for residuals in misfit) for misfit in misfits], kind="stable")
-    block = block.with_noise(misfits[order[0]], robust=robust)
+    start_values = [{}, tracked, *([{**tracked, **other_estimates}] if other_estimates else [])]
+    block = DecayBlock.of(with_modes)
+    block, starts = _order_starts(block, [with_guesses(unknowns, values) for values in start_values], robust=robust)
     problem = FitProblem(
         (block, *map(SmoothnessBlock.of, model.smooth)),
         tuple(unknowns),
@@ -144,21 +155,24 @@ def decay_problem(
         most_unexplained=1.0,
         advice="check the time of the release, or fit a law with fewer terms",
     )
-    return problem, [starts[k] for k in order]
+    return problem, starts
+
+
+def _order_starts(
+    block: DecayBlock, guesses: Sequence[Sequence[Unknown]], *, robust: bool
+) -> tuple[DecayBlock, list[dict[str, float]]]:
+    """Return the block with the noise of the best start, and the starts by name, those with smaller residuals first."""
+    starts = [{unknown.name: unknown.guess for unknown in unknowns} for unknowns in guesses]
+    residuals = [block.misfits(start) for start in starts]
+    misfits = [sum(float(of_decay @ of_decay) for of_decay in of_start) for of_start in residuals]
+    order = np.argsort(misfits, kind="stable")
+    return block.with_noise(residuals[order[0]], robust=robust), [starts[k] for k in order]
 
 
 def _fitted_decays(solution: FitSolution) -> list[tuple[FreeDecay, slice]]:
     """Return the decays of a solution, and their residuals among all."""
     pairs = [(block, fitted) for block, fitted in solution.fitted_blocks if isinstance(block, DecayBlock)]
     return [pair for block, fitted in pairs for pair in zip(block.decays, block.rows(fitted), strict=True)]
-
-
-def _solve_less_curve(solution: FitSolution) -> FitSolution:
-    """Solve a problem again, with the bands of what the curve of its solution leaves of the records."""
-    problem, estimates = solution.problem, solution.fit.estimates
-    blocks = (block.less_curve(estimates) if isinstance(block, DecayBlock) else block for block in problem.blocks)
-    unknowns = with_guesses(problem.unknowns, estimates)
-    return solve(replace(problem, blocks=tuple(blocks), unknowns=tuple(unknowns)))
 
 
 def _growth_warnings(decay: FreeDecay, fit: Fit) -> tuple[str, ...]:
@@ -183,33 +197,6 @@ def _growth_warnings(decay: FreeDecay, fit: Fit) -> tuple[str, ...]:
     )
 
 
-def fit_several_modes(modes: Sequence[DecayFit], t: Array, y: Array) -> tuple[DecayFit, ...]:
-    """Return the fits of modes, known from fits alone, at once to values y at times t (s) from the release on."""
-    first, unknowns, decay_modes = modes[0].decay, list[Unknown](), []
-    for number, mode in enumerate(modes, start=1):
-        mode_unknowns = with_guesses([mode.fit.unknowns[k] for k in mode.indices], mode.fit.estimates)
-        mode_unknowns = [replace(unknown, name=f"{unknown.name}_{number}") for unknown in mode_unknowns]
-        decay_modes.append(DecayMode(mode.model, tuple(unknown.name for unknown in mode_unknowns)))
-        unknowns += mode_unknowns
-    guess = replace(first.guess, ω=2 * math.pi * max(mode.frequency for mode in modes))  # which decides on the band
-    record = Measurement(t - t[0], y, sensor=first.record.sensor)
-    decay = replace(first, time=t, record=record, guess=guess, modes=tuple(decay_modes))
-    (count,) = sample_counts([decay])
-    fitted = decay.reduced(count, partial(decay.at, values={unknown.name: unknown.guess for unknown in unknowns}))
-    solution = solve(
-        FitProblem(
-            (DecayBlock.of([fitted]),),
-            tuple(unknowns),
-            most_unexplained=1.0,
-            advice="fit fewer modes, or check the time of the release",
-        )
-    )
-    if count < len(t):
-        solution = _solve_less_curve(solution)
-    ((decay, rows),) = _fitted_decays(solution)
-    return tuple(replace(mode, fit=solution.fit, decay=decay, rows=rows, mode=k) for k, mode in enumerate(modes))
-
-
 def _simpler_estimates(model: DecayModel, decays: Sequence[FreeDecay]) -> dict[str, float]:
     """Return values for smooth laws: those of the fit of the simplest frequency law that the largest decay shows."""
     largest = max(decays, key=lambda decay: decay.guess.amplitude)
@@ -221,7 +208,7 @@ def _simpler_estimates(model: DecayModel, decays: Sequence[FreeDecay]) -> dict[s
     (decay, _), *_ = _fitted_decays(solution)
     x = [cs.MX(solution.fit[name]) for name in decay.modes[0].names]
     at_nodes = simpler.against_amplitude(smooth_nodes(model.reference, model.span), *x)
-    values = smooth_values(model, *(cs.evalf(column).full().ravel() for column in at_nodes))
+    values = smooth_values(model, *map(evaluate, at_nodes))
     return {**solution.fit.estimates, **values}
 
 

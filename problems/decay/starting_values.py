@@ -1,12 +1,12 @@
 """Starting values of a decay fit, from amplitude and phase over time.
 
-With the track A_k, theta_k (``decay.amplitude_phase``), the integrals of the slow flow are linear in its unknowns,
+With the track A_k, theta_k (``decay.track``), the integrals of the slow flow are linear in its unknowns,
 
     ln A = ln e0 - c int 1/A dt - a t - b int A dt,    theta = phi + omega t + omega k int delta(A)/k dt,
 
 and linear regressions with the weights A_k^2 give all of them; a damping term that would be negative is omitted, and so
 is a change of the frequency that is not evident.  The exponent of the power law is the best multiple of a half, with
-ln A = ln e0 - D int A^(p-1) dt; the exponent of the frequency, or its corner, is the best of ``NONLINEAR_STARTS``.  A
+ln A = ln e0 - D int A^(p-1) dt; the exponent of the frequency, or its corner, is the best of ``FREQUENCY_STARTS``.  A
 peak of the spectrum gives one frequency only: if the frequency depends on the amplitude, the phase is off by many
 cycles at one end of a long record, and a fit from there ends in another minimum.
 """
@@ -19,21 +19,20 @@ from dataclasses import replace
 
 import numpy as np
 
-from ancf_casadi.decay.amplitude_phase import (
+from ancf_casadi.decay.bic import larger_model_is_evident
+from ancf_casadi.decay.phase import FrequencyLaw
+from ancf_casadi.decay.track import (
     Track,
     cumulative_integral,
     fit_loss_rates,
     track_oscillation,
     weighted_least_squares,
 )
-from ancf_casadi.decay.bic import larger_model_is_evident
-from ancf_casadi.decay.phase import FrequencyLaw
-from problems.decay.block import FreeDecay
-from problems.decay.laws import DECAY_TERMS, EXPONENTS, DecayModel
+from problems.decay.free_decay import FreeDecay
+from problems.decay.laws import DAMPING_TERMS, DecayModel, Law
 
-NONLINEAR_STARTS: Mapping[
-    FrequencyLaw, Sequence[tuple[float]]
-] = {  # exponents, and logarithms of the corner, to start from
+DAMPING_STARTS: Mapping[Law, Sequence[tuple[float]]] = {"power": [(p / 2,) for p in range(9)]}  # exponents
+FREQUENCY_STARTS: Mapping[FrequencyLaw, Sequence[tuple[float]]] = {  # exponents, and logarithms of the corner
     "power": [(q,) for q in (0.25, 0.5, 1.0, 1.5, 2.0, 3.0)],
     "logarithmic": [(corner,) for corner in (-8.0, -6.0, -5.0, -4.0, -3.0, -2.0, -1.0, 0.0)],
 }
@@ -95,10 +94,9 @@ def _track(decay: FreeDecay, unit: float = 1.0) -> Track:
 def _fit_phase(track: Track, model: DecayModel) -> tuple[float, tuple[float, ...], list[float]]:
     """Fit a frequency law to the phase; return the misfit, the nonlinear unknown, and phase, omega and change."""
     A, fits = track.amplitude, []
-    for shape in NONLINEAR_STARTS.get(model.frequency_law, ((),)):
-        unit_terms = np.eye(len(model.frequency_terms) - len(shape)).tolist()  # unknowns of which the phase is linear
-        changes = [cumulative_integral(track.time, model.change(A, *unit_term, *shape)) for unit_term in unit_terms]
-        columns = [np.ones(len(A)), track.time, *changes]
+    for shape in FREQUENCY_STARTS.get(model.frequency_law, ((),)):
+        changes = model.unit_changes(A, *shape)
+        columns = [np.ones(len(A)), track.time, *(cumulative_integral(track.time, change) for change in changes)]
         coefficients, misfit = weighted_least_squares(columns, track.phase, A)
         fits.append((misfit, shape, coefficients))
     return min(fits)
@@ -118,24 +116,13 @@ def _fit_frequency(track: Track, model: DecayModel) -> tuple[float, dict[str, fl
 
 def _fit_damping(track: Track, model: DecayModel, ω: float) -> tuple[float, dict[str, float]]:
     """Return the amplitude at the release, and the unknowns of the damping."""
-    A, time = track.amplitude, track.time
-    if model.law == "power":
-        candidates = []
-        for p in np.arange(EXPONENTS[0], EXPONENTS[1] + 0.5, 0.5).tolist():
-            loss_integral = cumulative_integral(time, (A / model.reference) ** (p - 1))
-            (log_start, rate), misfit = weighted_least_squares([np.ones(len(A)), -loss_integral], np.log(A), A)
-            candidates.append((misfit, log_start, rate, p))
-        _, log_start, rate, p = min(candidates)
-        return math.exp(log_start), {"zeta": rate / ω, "exponent": p}
-    losses = {
-        "zeta": ω * time,
-        "eta1": time / 2,
-        "eta2": 4 * ω / (3 * math.pi) * cumulative_integral(time, A),
-        "eta0": 2 / (math.pi * ω) * cumulative_integral(time, 1 / A),
-    }
-    names = DECAY_TERMS[model.law] or ("zeta",)
-    log_start, coefficients, _ = fit_loss_rates(A, [losses[name] for name in names])
-    values = dict(zip(names, coefficients, strict=True))
-    total = sum(value * losses[name][-1] for name, value in values.items())
+    A, names, fits = track.amplitude, DAMPING_TERMS[model.law], []
+    for shape in DAMPING_STARTS.get(model.law, ((),)):
+        losses = [cumulative_integral(track.time, rate) for rate in model.term_rates(A, ω, *shape)]
+        log_start, coefficients, misfit = fit_loss_rates(A, losses)
+        fits.append((misfit, log_start, coefficients, [float(loss[-1]) for loss in losses], shape))
+    _, log_start, coefficients, final_losses, shape = min(fits)
     # of the damping, with which a term starts that the regression finds negative
-    return math.exp(log_start), {name: max(value, 0.02 * total / losses[name][-1]) for name, value in values.items()}
+    least = 0.02 * float(np.dot(coefficients, final_losses))
+    starts = [max(value, least / loss) for value, loss in zip(coefficients, final_losses, strict=True)]
+    return math.exp(log_start), dict(zip((*names, "exponent"), (*starts, *shape), strict=False))

@@ -35,10 +35,11 @@ from ancf_casadi.support.inputs import check_instance, choice, flag, is_sequence
 from ancf_casadi.support.progress import counter
 from problems.beam.curves.checks import level_notes, orient, phase_locked
 from problems.beam.curves.record import ResponseRecord
-from problems.decay.block import DecayBlock, DecayMode, SmoothnessBlock
+from problems.decay.block import DecayBlock, SmoothnessBlock
+from problems.decay.free_decay import DecayMode, clean_record
 from problems.decay.laws import RATIO_BOUNDS, DecayModel, Law, with_priors
 from problems.decay.result import DecayFit
-from problems.decay.solution import as_record, fit_record
+from problems.decay.solution import fit_record
 from problems.mode.curve_block import ModeCurveBlock, constant_unit, mode_curve_block
 from problems.mode.oscillator import (
     LEAST_RATIO,
@@ -173,9 +174,9 @@ def _sort_records(records: Any) -> tuple[list[Measurement], list[ResponseRecord]
                 )
             curves.append(item)
         elif isinstance(item, Measurement):
-            decays.append(as_record(item, None))
+            decays.append(clean_record(item))
         elif is_sequence(item) and len(item) == 2:
-            decays.append(as_record(*item))
+            decays.append(clean_record(*item))
         else:
             raise InputError(
                 f"record {k}: must be a Measurement, (times, displacements) or a ResponseRecord, got {shown(item)}",

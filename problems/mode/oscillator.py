@@ -57,15 +57,14 @@ from ancf_casadi.support.arrays import Array, ComplexArray
 from ancf_casadi.support.compilation import evaluate_dense
 from problems.beam.curves.points import MOST_STEPS, POINTS_CLOSE, CurvePoints, Measured
 from problems.beam.curves.record import BASE_MOTIONS, ResponseRecord
-from problems.decay.laws import DECAY_TERMS, DecayModel
+from problems.decay.laws import DAMPING_TERMS, DecayModel, evaluate
 from problems.decay.solution import simpler_models, smooth_values
-from problems.decay.starting_values import NONLINEAR_STARTS
+from problems.decay.starting_values import DAMPING_STARTS, FREQUENCY_STARTS
 
 POINTS_CLOSE_ENOUGH = 1e-3  # the same, where rounding keeps further steps from shrinking
 MOST_HALVINGS = 20
 NO_INCREASE = 1e-9  # increase of a squared distance that counts as none, relative and absolute
 LEAST_RATIO = 1e-5  # least damping ratio of a start, for the scales of the unknowns
-EXPONENT_STARTS = (0.0, 1.0, 2.0, 3.0)  # exponents of the power law from which a fit may start
 
 Points = tuple[Array, Array, ComplexArray]  # W, A and g = G/h of m points, (m,)
 
@@ -201,9 +200,9 @@ def _best_regression(
 ) -> tuple[float, dict[str, float]]:
     """Return the misfit and the values of the best exponents and corners."""
     regressions = [
-        _regression(model, groups, given_constant, bending, exponent)
-        for bending in NONLINEAR_STARTS.get(model.frequency_law, ((),))
-        for exponent in (EXPONENT_STARTS if model.law == "power" else (None,))
+        _regression(model, groups, given_constant, frequency_shape, damping_shape)
+        for frequency_shape in FREQUENCY_STARTS.get(model.frequency_law, ((),))
+        for damping_shape in DAMPING_STARTS.get(model.law, ((),))
     ]
     return min(regressions, key=itemgetter(0))
 
@@ -212,24 +211,15 @@ def _regression(
     model: DecayModel,
     groups: Mapping[str, Points],
     given_constant: float | None,
-    bending: tuple[float, ...],
-    exponent: float | None,
+    frequency_shape: tuple[float, ...],
+    damping_shape: tuple[float, ...],
 ) -> tuple[float, dict[str, float]]:
     """Return the misfit and the values for given exponents and corners."""
     omega, A, g = map(np.concatenate, zip(*groups.values(), strict=True))
-    middle, undamped = (
-        float(np.median(omega)),
-        len(model.frequency_terms) - len(bending) if model.frequency_varies else 0,
-    )
-    changes = [model.change(A, *direction, *bending) for direction in np.eye(undamped)]
-    damping_names = DECAY_TERMS[model.law] if model.law not in ("linear", "power") else ("zeta",)
-    rates = {
-        "zeta": middle * ((A / model.reference) ** (exponent - 1) if exponent is not None else np.ones(len(A))),
-        "eta1": np.full(len(A), 0.5),
-        "eta2": 4 * middle * A / (3 * math.pi),
-        "eta0": 2 / (math.pi * middle * A),
-    }
-    columns = [np.ones(len(A)), *changes, *(2j * rates[name] * omega for name in damping_names)]
+    middle, changes = float(np.median(omega)), model.unit_changes(A, *frequency_shape)
+    undamped, damping_names = len(changes), DAMPING_TERMS[model.law]
+    rates = model.term_rates(A, middle, *damping_shape)
+    columns = [np.ones(len(A)), *changes, *(2j * rate * omega for rate in rates)]
     target = omega**2 + (given_constant or 0.0) * g
     if given_constant is None:
         owners = np.repeat(np.arange(len(groups)), [len(frequencies) for frequencies, *_ in groups.values()])
@@ -242,13 +232,11 @@ def _regression(
     solution = lsq_linear(matrix / size, target, (lower, np.full(len(columns), np.inf)))
     x = solution.x / size
     square = max(float(x[0]), 1e-6 * middle**2)
+    slopes = x[1 : 1 + undamped] / (2 * square)
     values = {"omega": math.sqrt(square)}
-    if model.frequency_varies:
-        slopes = x[1 : 1 + undamped] / (2 * square)
-        values |= dict(zip(model.frequency_terms, (*slopes.tolist(), *bending), strict=True))
+    values |= dict(zip(model.frequency_terms, (*slopes.tolist(), *frequency_shape), strict=True))
     values |= dict(zip(damping_names, x[1 + undamped :].tolist(), strict=False))
-    if exponent is not None:
-        values["exponent"] = exponent
+    values |= dict(zip(("exponent",), damping_shape, strict=False))
     if given_constant is None:
         values |= dict(zip(groups, x[-len(groups) :].tolist(), strict=True))
     return float(solution.cost), values
@@ -267,4 +255,4 @@ def law_at(model: DecayModel, amplitude: Array, values: Mapping[str, float]) -> 
     names = [unknown.name for unknown in model.mode_unknowns(mode_guess(values["omega"], LEAST_RATIO, model.reference))]
     law = [cs.MX(values[name]) for name in names]
     ratio, frequency = model.against_amplitude(amplitude, *law, cs.MX(1), cs.MX(0))
-    return np.asarray(cs.evalf(ratio)).ravel(), np.asarray(cs.evalf(frequency)).ravel()
+    return evaluate(ratio), evaluate(frequency)

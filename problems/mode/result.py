@@ -24,7 +24,7 @@ from ancf_casadi.support.inputs import check_instance
 from ancf_casadi.support.tables import Table
 from problems.beam.curves.checks import orient
 from problems.beam.curves.record import BASE_MOTIONS, ResponseRecord
-from problems.decay.block import DecayMode
+from problems.decay.free_decay import DecayMode
 from problems.decay.law_curve import check_amplitudes, curve_with_bands
 from problems.decay.laws import DECAY_QUANTITIES, DecayModel
 from problems.decay.prediction import predict_decay

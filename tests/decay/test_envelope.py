@@ -105,19 +105,19 @@ def test_the_curve_is_drawn_with_its_errors():
 @pytest.mark.parametrize(
     ("periods", "message"),
     [
-        (0.0, "periods: must be positive"),
-        (0.5, "periods: must be 1 or more"),
-        ("two", "periods: must be a finite number"),
+        (0.0, "positive"),
+        (0.5, "1 or more"),
+        ("two", "finite number"),
     ],
 )
 def test_unusable_windows_are_refused(periods, message):
-    with pytest.raises(InputError, match=message):
+    with pytest.raises(InputError, match=f"periods: .*{message}"):
         damping_curve(record(*TERMS[0]), periods=periods)
 
 
 def test_unusable_records_are_refused():
     time = np.arange(0.0, 15.0, 0.2)
-    with pytest.raises(InputError, match="periods: makes windows of 5 samples"):
+    with pytest.raises(InputError, match=r"periods: .*5 samples"):
         damping_curve(Measurement(time, np.cos(ω * time)), periods=2.0)
     assert damping_curve(Measurement(time, np.cos(ω * time))).frequency == pytest.approx(1.85, rel=1e-6)
     with pytest.raises(InputError, match="record: is constant"):

@@ -137,7 +137,7 @@ def test_a_plain_decay_with_missing_frames_is_hardly_ever_taken_for_an_excitatio
 
 @pytest.mark.slow
 def test_an_excitation_that_grows_out_of_the_noise_is_not_taken_for_rest_and_release():
-    """From rest, slowly, in noise of a tenth; before, the first swing above the noise was the release in some."""
+    """From rest, slowly, in noise of a tenth: the first swing above the noise is no release."""
     rng, found = np.random.default_rng(14), 0
     for k in range(16):
         ratio, phase = (1.0, 0.99)[k % 2], rng.uniform(0, 6)

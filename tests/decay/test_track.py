@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from ancf_casadi.decay.amplitude_phase import track_oscillation
+from ancf_casadi.decay.track import track_oscillation
 
 
 def chirp(time, amplitude, drop=0.06):

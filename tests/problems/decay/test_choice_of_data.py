@@ -155,7 +155,7 @@ def test_a_fit_states_the_share_that_it_explains_and_refuses_below_a_half():
     assert f"{100 * fit.explained_share:.4g} % of the motion from the release on" in fit.report()
     assert fit_decay(time, values).explained_share == pytest.approx(1.0, abs=1e-5)
     others = 0.45 * (np.cos(2 * np.pi * 9.0 * time) + np.cos(2 * np.pi * 17.0 * time))
-    with pytest.raises(FitError, match=r"explains only \d+ % of the motion .* oscillate at .* Hz: fit_modes"):
+    with pytest.raises(FitError, match=r"explains only \d+ % .*fit_modes"):
         fit_decay(time, values + others, release_time=0.0)
 
 
@@ -226,7 +226,7 @@ def test_several_releases_are_counted_and_the_last_is_fitted_or_all(takes):
     fit = fit_decay(time, values)
     assert covers(fit, frequency, ratio)
     assert fit.release_time >= time[begins[-1]]
-    assert any(note.startswith(f"the record holds {takes} releases, at about ") for note in fit.warnings)
+    assert any(f"{takes} releases" in note for note in fit.warnings)
     parts = separate_takes(Measurement(time, values))
     fits = fit_decays(parts)
     assert len(fits) == takes
@@ -310,7 +310,7 @@ def test_a_quantised_record_is_named_as_such_and_not_as_clipped_nor_as_another_m
     time = np.arange(0, 20, 0.01)
     fit = fit_decay(time, step * np.round(decay(time, 1.4, 0.01, amplitude) / step))
     assert covers(fit, 1.4, 0.01)
-    assert any(f"quantisation noise of a record with steps of {step:g} m" in note for note in fit.warnings)
+    assert any(f"steps of {step:g} m" in note for note in fit.warnings)
     assert not [note for note in fit.warnings if "clipped" in note or "another mode" in note]
 
 
@@ -326,7 +326,7 @@ def test_rounding_is_not_taken_for_a_law_that_does_not_hold():
 def test_an_oscillation_within_a_few_steps_is_refused(law):
     time = np.arange(0, 20, 0.01)
     values = decay(time, 1.4, 0.005, 0.9e-3)
-    with pytest.raises(FitError, match=r"oscillation is \d\.\d steps of 0.001 m large, the resolution of the record"):
+    with pytest.raises(FitError, match=r"\d\.\d steps of 0.001 m .*resolution"):
         fit_decay(time, 1e-3 * np.round(values / 1e-3), law=law)
     noisy = values + 0.6e-3 * np.random.default_rng(0).normal(size=time.size)  # which makes up for the steps
     assert covers(fit_decay(time, 1e-3 * np.round(noisy / 1e-3)), 1.4, 0.005)
@@ -347,7 +347,7 @@ def test_quantised_records_are_fitted_or_refused(fewest, most, least):
         try:
             fitted += covers(fit_decay(time, 1e-3 * step * np.round(values / step)), frequency, ratio)
         except FitError as error:
-            refused += "the resolution of the record, which hide its decay" in str(error)
+            refused += "resolution" in str(error)
     assert fitted + refused >= 98
     assert fitted >= least
 
@@ -361,7 +361,7 @@ def test_an_oscillation_that_grows_is_said_to_grow(law, ratio):
     time = np.arange(0, 10, 0.01)
     noise = 1e-5 * np.random.default_rng(1).normal(size=time.size)
     fit = fit_decay(time, decay(time, 2.0, ratio, 2e-3) + noise, law=law)
-    stated = re.match(r"the oscillation grows, by a damping ratio of about (\S+):", fit.warnings[0])
+    stated = re.match(r"the oscillation grows, .* (\S+):", fit.warnings[0])
     assert float(stated[1]) == pytest.approx(ratio, rel=0.02)
 
 
@@ -374,5 +374,5 @@ def test_an_oscillation_without_damping_does_not_grow():
 def test_a_refused_record_that_grows_is_said_to_grow():
     time = np.arange(0, 10, 0.01)
     noise = 1e-5 * np.random.default_rng(1).normal(size=time.size)
-    with pytest.raises(FitError, match=r"the oscillation grows, by a damping ratio of about -0\.01:"):
+    with pytest.raises(FitError, match=r"grows, .* -0\.01:"):
         fit_decay(time, decay(time, 2.0, -0.01, 2e-3) + noise)

@@ -7,7 +7,6 @@ import pytest
 
 from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.records.processing import project_on_cosines
-from problems.decay import block
 from problems.decay.fitting import fit_decay, fit_decays
 
 NAMES = ("frequency", "damping_ratio", "amplitude", "offset")
@@ -24,20 +23,20 @@ def hammer(seed=0, samples=12000, rate=2400.0, amplitude=0.01):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("law", ["linear", "quadratic"])
-def test_fewer_samples_give_the_estimates_and_errors_of_all(law, monkeypatch):
+def test_fewer_samples_give_the_estimates_and_errors_of_all(law):
+    """A record without its last sample but one has uneven times, so that a fit uses all others."""
     record = hammer()
     fewer = fit_decay(record, law=law)
-    monkeypatch.setattr(block, "MIN_REDUCED_LENGTH", record.time.size)
-    every = fit_decay(record, law=law)
-    assert (fewer.fitted_samples, every.fitted_samples) == (2500, 12000)
-    assert fewer.samples == every.samples == len(fewer.residuals) == 12000
+    every = fit_decay(np.delete(record.time, -2), np.delete(record.values, -2), law=law)
+    assert (fewer.fitted_samples, every.fitted_samples) == (2500, 11999)
+    assert fewer.samples == len(fewer.residuals) == 12000
     assert "fitted as 2500 samples at 500" in fewer.report()
     assert "fitted as" not in every.report()
     for name in NAMES:
         error = every.standard_errors[name]
         assert getattr(fewer, name) == pytest.approx(getattr(every, name), abs=0.01 * error)
         assert fewer.standard_errors[name] == pytest.approx(error, rel=0.1)
-    assert fewer.residual_rms == pytest.approx(every.residual_rms, rel=1e-6)
+    assert fewer.residual_rms == pytest.approx(every.residual_rms, rel=1e-3)
     assert (
         (fewer.release_time, fewer.release_reason)
         == (every.release_time, every.release_reason)

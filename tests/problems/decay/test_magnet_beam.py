@@ -29,7 +29,7 @@ def test_one_law_leaves_as_little_as_a_smooth_function():
 
 
 def test_a_smooth_frequency_does_not_leave_what_noise_hides():
-    """At small amplitudes it was 34.2 Hz before its changes had a prior; zero crossings give 36.9 Hz."""
+    """Zero crossings give 36.9 Hz at small amplitudes."""
     fit = fit_decay(Measurement.from_file(FILE, column="Strain_0"), law="power", frequency_law="smooth")
     assert fit.ends_of_range.frequency[0] == pytest.approx(36.9, abs=0.3)
 

@@ -130,7 +130,7 @@ def test_a_harmonic_is_no_mode_and_the_note_names_its_mode(order):
     low, high = fits = fit_modes(TIME, y)
     assert (low.frequency, high.frequency) == pytest.approx((11.6 / (2 * math.pi), 13.3), rel=1e-3)
     (note,) = (note for note in fits.warnings if "harmonic" in note)
-    assert f"is not a mode but harmonic {order} of the mode near 1.846 Hz" in note
+    assert f"harmonic {order} of the mode near 1.846 Hz" in note
 
 
 def test_a_mode_at_twice_the_frequency_with_its_own_damping_is_no_harmonic():
@@ -166,14 +166,14 @@ def test_warnings_of_one_mode_name_it_by_number_and_frequency():
 
 
 @pytest.mark.slow
-def test_a_long_record_is_reduced_to_the_band_of_its_modes_with_the_same_estimates(monkeypatch):
+def test_a_long_record_is_reduced_to_the_band_of_its_modes_with_the_same_estimates():
+    """A record without its last sample but one has uneven times, so that a fit uses all others."""
     time = np.arange(0.0, 5.0, 1 / 2000)
     y = np.exp(-0.1 * time) * np.cos(12.0 * time) + 0.3 * np.exp(-0.3 * time) * np.cos(60.0 * time + 1.0)
     y += 1e-3 * np.random.default_rng(13).standard_normal(len(time))
     reduced = fit_modes(time, y, modes=2)
     assert "fitted as 2500 samples at 500 Hz" in reduced.report()
-    monkeypatch.setattr("problems.decay.solution.sample_counts", lambda decays: [len(decays[0].time)])
-    every = fit_modes(time, y, modes=2)
+    every = fit_modes(np.delete(time, -2), np.delete(y, -2), modes=2)
     for name, error in every.standard_errors.items():
         assert abs(reduced.estimates[name] - every.estimates[name]) < 0.1 * error
         assert reduced.standard_errors[name] == pytest.approx(error, rel=0.1)

@@ -109,6 +109,6 @@ def test_a_blow_is_no_creep(derivatives, contact):
     record = Measurement(time, response + noise, sensor=sensor)
     found = compare_decay_laws(record, release_time=0.0, laws=["linear"], frequency_laws=["constant"])
     assert found.best.model.rest != "creep"
-    assert any("creep law is left out" in text and "release_time" in text for text in found.warnings)
+    assert any("creep law is left out" in text for text in found.warnings)
     late = compare_decay_laws(record, release_time=contact + 0.01, laws=["linear"], frequency_laws=["constant"])
     assert late.best.damping_ratio == pytest.approx(ratio, abs=4 * late.best.standard_errors["damping_ratio"])

@@ -110,5 +110,5 @@ def test_modes_are_separated_in_an_acceleration():
 def test_records_of_different_quantities_are_refused():
     records = [Measurement(TIME, curve("linear", "constant", Sensor(name)), sensor=Sensor(name)) for name in
                ("displacement", "velocity")]  # fmt: skip
-    with pytest.raises(InputError, match="records: must have one quantity, got displacement, velocity"):
+    with pytest.raises(InputError, match=r"records: .*displacement, velocity"):
         fit_decays(records)

@@ -46,8 +46,8 @@ def test_takes_that_differ_are_told_of_and_their_scatter_is_in_the_error():
     assert ratio.scatter == pytest.approx(np.std(ratios, ddof=1), rel=0.1)
     assert fits.standard_errors["damping_ratio"] > 5 * max(fit.standard_errors["damping_ratio"] for fit in fits.alone)
     assert fits.standard_errors["damping_ratio"] > 2 * fits[0].standard_errors["damping_ratio"]
-    assert any(text.startswith("the records do not agree on damping_ratio: 0.01") for text in fits.warnings)
-    assert "the 4 records do not agree" in fits.report()
+    assert any("do not agree on damping_ratio" in text for text in fits.warnings)
+    assert "4 records do not agree" in fits.report()
     table = json.loads(json.dumps(fits.to_dict(), allow_nan=False))
     assert table["agreements"][1]["values"] == [fit.damping_ratio for fit in fits.alone]
     assert len(fits.figure().axes) == 2

@@ -1,4 +1,4 @@
-"""Amplitude and phase of an oscillation over time, and the decay in a short segment, without a damping law.
+"""Amplitude and phase of an oscillation over time, and the motions that may explain them.
 
 Track.  The record is divided into windows of whole periods of a carrier near its frequency.  In each window,
 
@@ -9,22 +9,15 @@ and omega t + arg z the phase, counted on from window to window.  A window in wh
 of z too much is left out.  The track ends where noise hides the oscillation (``bic``).  It follows a frequency
 that changes by up to 1/(2 w) of itself, with windows of w periods, over any number of periods.
 
-Losses.  With dA/dt = -(c + a A + b A^2), ln A = ln e0 - c int 1/A dt - a t - b int A dt is linear in the coefficients.
+Free motion.  One mode has z_k = a q^k; with an amplitude-dependent loss, dA/dk = -c - a A - b A^2, its logarithm
+ln A = ln e0 - c int 1/A dk - a k - b int A dk is linear in the coefficients.  Several modes are sums of q_j^k.
 
-Segment.  With tau from the middle of a segment, a decay and other oscillations of known frequencies are
-
-    y = Re((z0 + z1 tau) exp((i omega - lambda) tau)) + d + sum Re(w_j exp(i omega_j tau))
-
-and z0, z1, d and w_j follow from linear least squares.  To first order, Re(z1/z0) is the error of the decay rate
-lambda, and -Im(z1/z0) that of the frequency omega.  Three rounds of
-
-    lambda <- lambda - Re(z1/z0),    omega <- omega + Im(z1/z0)
-
-make z1 vanish.  Then |z0| is the amplitude in the middle of the segment, and lambda = -d(ln A)/dt there, under any law.
+Forced motion.  Under a harmonic force z is a steady response and a transient, z_k = B p^k + C q^k with |p| = 1.
 
 References
 ----------
-M. Feldman, Hilbert Transform Applications in Mechanical Vibration, Wiley (2011).
+Y. Hua, T. K. Sarkar, Matrix pencil method for estimating parameters of exponentially damped/undamped sinusoids in
+noise, IEEE Transactions on Acoustics, Speech, and Signal Processing 38 (1990).
 """
 
 from __future__ import annotations
@@ -54,7 +47,13 @@ class Track:
     number: Index  # number of each window (k,), from 0 at the first sample; those left out are missing
     is_visible: NDArray[np.bool_]  # True where it stands out of the noise (k,); may be False before the largest one
     length: float  # of a window, s
+    step: float  # typical step of the record, s
     ω: float  # frequency of the carrier, rad/s
+
+    @property
+    def k(self) -> Array:
+        """Times since the first window (k,), in windows."""
+        return np.asarray((self.time - self.time[:1]) / self.length)
 
     @property
     def amplitude(self) -> Array:
@@ -98,7 +97,7 @@ def track_oscillation(
         shown = is_visible(np.abs(z), error, counts[number])
         if not to_end:
             end = next((k for k in range(int(np.argmax(np.abs(z))) + 1, end) if not shown[k]), end)
-    return Track(middle[:end], z[:end], number[:end], shown[:end], size * step, ω)
+    return Track(middle[:end], z[:end], number[:end], shown[:end], size * step, step, ω)
 
 
 def cumulative_integral(time: Array, rate: Array) -> Array:
@@ -131,43 +130,92 @@ def fit_loss_rates(amplitude: Array, losses: Sequence[Array]) -> tuple[float, li
         active.remove(min(active, key=lambda k: final_losses[k]))
 
 
-@dataclass(frozen=True)
-class LocalDecay:
-    """Decay in the middle of a segment, with standard errors for white noise of standard deviation 1."""
+def fit_free_tails(k: Array, z: ComplexArray) -> tuple[ComplexArray, Array]:
+    """Return ln q of the free decay from each window to the last, and its misfit, by weighted regression of ln z."""
+    w = np.abs(z) ** 2
+    logarithm = np.log(np.abs(z)) + 1j * np.unwrap(np.angle(z))
 
-    λ: float  # decay rate, 1/s
-    ω: float  # damped natural frequency, rad/s
-    amplitude: float  # in the unit of the record
-    λ_error: float
-    ω_error: float
-    amplitude_error: float
-    misfit: float  # sum of the squared residuals
+    def sum_from(values: ComplexArray | Array) -> ComplexArray:
+        return np.asarray(np.cumsum(values[::-1])[::-1], dtype=complex)
 
-
-def local_decay(τ: Array, y: Array, λ: float, ω: float, other_frequencies: Sequence[float] = ()) -> LocalDecay | None:
-    """Return the decay in a segment, from a first guess of rate and frequency (rad/s); None if none is plausible."""
-    background = np.column_stack([np.ones(len(τ)), waves(τ, other_frequencies)])
-    for _ in range(3):
-        fading = np.exp(-λ * τ)
-        cosine, sine = fading * np.cos(ω * τ), -fading * np.sin(ω * τ)
-        basis = np.column_stack([cosine, sine, τ * cosine, τ * sine, background])
-        pseudo_inverse = np.linalg.pinv(basis)
-        a, b, a1, b1 = pseudo_inverse[:4] @ y
-        amplitude = math.hypot(a, b)
-        if not amplitude > 0.0:
-            return None
-        correction = complex(a1, b1) / complex(a, b)
-        if not abs(correction) < ω:  # beyond is noise
-            return None
-        λ, ω = λ - correction.real, ω + correction.imag
-    p = pseudo_inverse[:4]  # from which the gradients of lambda, omega and amplitude with the samples follow
-    gradients = (a * p[2] + b * p[3]) / amplitude, (a * p[3] - b * p[2]) / amplitude, a * p[0] + b * p[1]
-    λ_error, ω_error, amplitude_error = (float(np.linalg.norm(gradient)) / amplitude for gradient in gradients)
-    misfit = float(np.sum((y - basis @ (pseudo_inverse @ y)) ** 2))
-    return LocalDecay(λ, ω, amplitude, λ_error, ω_error, amplitude_error, misfit)
+    s0, s1, s2 = sum_from(w), sum_from(w * k), sum_from(w * k**2)
+    f0, f1, f2 = sum_from(w * logarithm), sum_from(w * k * logarithm), sum_from(w * np.abs(logarithm) ** 2)
+    spread = s2 - s1**2 / s0
+    spread[-1] = 1.0
+    log_q = (f1 - s1 * f0 / s0) / spread
+    misfit = (f2 - np.abs(f0) ** 2 / s0 - np.abs(log_q) ** 2 * spread).real
+    return log_q, np.maximum(misfit, 0.0)
 
 
-def waves(τ: Array, frequencies: Sequence[float]) -> Array:
-    """Return cosine and sine (n, 2k) at the times for each of k frequencies (rad/s)."""
-    phase = np.outer(τ, np.asarray(frequencies, dtype=float))
-    return np.hstack([np.cos(phase), np.sin(phase)])
+def scatter_misfit(k: Array, z: ComplexArray, log_q: complex) -> float:
+    """Return the misfit of a smooth curve of any shape, from the second differences of z/q^k in successive windows."""
+    detrended = z * np.exp(-log_q * k)
+    amplitude = np.abs(z[1:-1] / detrended[1:-1])
+    squares = ((np.abs(np.diff(detrended, 2)) * amplitude) ** 2)[k[2:] - k[:-2] < 2.5]
+    return float(np.mean(squares)) / 6 * len(z) if squares.size else math.inf
+
+
+def fit_forced_response(k: Array, y: ComplexArray, log_q: complex) -> tuple[float, bool]:
+    """Fit B p^k + C q^k with |p| = 1, for a given q, to the values y in all windows k but the last.
+
+    Return the misfit, and whether the force sustains the motion: it beats with the mode, or supplies more than half of
+    the energy that the free mode would lose.  Of p, the angle is searched: in each of four rounds about the best one of
+    the round before, with B and C from linear least squares.
+    """
+    k, s = k[:-1], float(k[-1])
+    decay = np.exp(log_q * (k - s))  # transient, 1 at the last window
+    centre_angle, width = 0.0, math.pi / 2
+    decay_projection, energy = np.vdot(decay, y), float(np.vdot(decay, decay).real)
+
+    def fit_amplitudes(angles: Array) -> tuple[Array, ComplexArray, ComplexArray]:
+        """Return misfit, B and C for each angle, from the normal equations of two unknowns."""
+        steady = np.exp(1j * np.outer(angles, k))
+        cross, projection = steady.conj() @ decay, steady.conj() @ y
+        determinant = np.maximum(len(y) * energy - np.abs(cross) ** 2, 1e-9 * len(y) * energy)
+        B = (energy * projection - cross * decay_projection) / determinant
+        C = (decay_projection - cross.conj() * B) / energy
+        return np.vdot(y, y).real - (B.conj() * projection + C.conj() * decay_projection).real, B, C
+
+    for zoom in range(4):
+        angles = centre_angle + width * np.linspace(-1.0, 1.0, math.ceil(4 * s) + 9 if zoom == 0 else 9)
+        misfits, B, C = fit_amplitudes(angles)
+        best_index = int(np.argmin(misfits))
+        centre_angle, width = float(angles[best_index]), float(angles[1] - angles[0])
+    model = B[best_index] * np.exp(1j * centre_angle * k) + C[best_index] * decay
+    power, loss = np.abs(model) ** 2, 1 - math.exp(2 * log_q.real)
+    beats = abs(centre_angle - log_q.imag) * s > math.pi
+    supplied_energy = float(np.sum(power[1:] - power[:-1] * (1 - loss) ** np.diff(k)))
+    sustained = log_q.real < 0.0 and (beats or supplied_energy > loss * float(np.sum(power[:-1])) / 2)
+    return float(np.sum(np.abs(y - model) ** 2)), sustained
+
+
+def one_mode_misfit(k: Array, z: ComplexArray) -> float:
+    """Return the misfit of one free mode with dA/dk = -c - a A - b A^2 and a frequency that depends on A^2."""
+    A = np.abs(z)
+    loss = fit_loss_rates(A, [cumulative_integral(k, 1 / A), k, cumulative_integral(k, A)])[2]
+    return (
+        loss + weighted_least_squares([np.ones(len(z)), k, cumulative_integral(k, A**2)], np.unwrap(np.angle(z)), A)[1]
+    )
+
+
+def several_modes_misfit(k: Array, z: ComplexArray, modes: int) -> float:
+    """Return the misfit of several free modes, by the matrix pencil."""
+    all_windows = np.arange(round(k[-1]) + 1.0)
+    logarithm = np.log(np.abs(z)) + 1j * np.unwrap(np.angle(z))
+    filled = np.exp(np.interp(all_windows, k, logarithm))
+    hankel = np.lib.stride_tricks.sliding_window_view(filled, len(filled) // 2 + 1)
+    vectors = np.linalg.svd(hankel, full_matrices=False)[2][:modes].T
+    poles = np.linalg.eigvals(np.linalg.lstsq(vectors[:-1], vectors[1:])[0])
+
+    def residuals(log_poles: Array) -> Array:
+        growth, turn = np.split(log_poles, 2)
+        basis = np.exp(np.outer(k, np.minimum(growth, 0.0) + 1j * turn))
+        misfit = z - basis @ np.linalg.lstsq(basis, z)[0]
+        return np.concatenate([misfit.real, misfit.imag])
+
+    start = np.concatenate([np.log(np.maximum(np.abs(poles), np.finfo(float).tiny)), np.angle(poles)])
+    if len(k) == len(all_windows) and np.allclose(k, all_windows):
+        return float(np.sum(residuals(start) ** 2))
+    from scipy.optimize import least_squares  # slow to import, and rarely needed
+
+    return 2 * float(least_squares(residuals, start).cost)

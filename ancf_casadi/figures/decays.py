@@ -14,7 +14,7 @@ from ancf_casadi.decay.envelope import DampingCurve, LawCurve
 from ancf_casadi.decay.spectrum import power_spectrum
 from ancf_casadi.figures.fits import draw_autocorrelation
 from ancf_casadi.support.arrays import Array
-from ancf_casadi.support.figures import COMPUTED, MEASURED, SERIES, literal_text, si_prefix
+from ancf_casadi.support.figures import COMPUTED, MEASURED, PAGE_WIDTH, SERIES, literal_text, si_prefix
 
 PLOT_COLUMNS = 600  # intervals of a long record, each drawn by its extremes
 
@@ -35,7 +35,7 @@ def decay_figure(
     ``time`` (s) starts at the release, ``curve`` returns the fit at any times, and ``values`` is a title with the
     estimates.  ``points`` are damping ratio and frequency in windows of the record, ``law`` those of the fitted law.
     """
-    figure = Figure(figsize=(9, 9), layout="constrained")
+    figure = Figure(figsize=(PAGE_WIDTH, 5.4), layout="constrained")
     over_time, below, lowest = figure.subfigures(3, 1, squeeze=False, height_ratios=(1.2, 1, 1)).ravel()
     _draw_fit(over_time, below, time, measured, curve, values, unit)
     axes = lowest.subplots(1, 2)

@@ -154,7 +154,7 @@ class Compute:
         draw: bool = True,
     ) -> None:
         self.quick = quick
-        self.all_formats = FORMATS if formats else ()  # of figures that a computation draws beside its numbers
+        self.formats = FORMATS if formats else ()  # of figures that a computation draws beside its numbers
         self.times: dict[str, float] = {}  # of the computations when they ran, s, by key
         self._store, self._formats, self._draw = store or Store(), formats, draw
 

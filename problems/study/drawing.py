@@ -15,11 +15,10 @@ from typing import Any
 import numpy as np
 
 from ancf_casadi.support.arrays import Array
-from ancf_casadi.support.figures import DOTS_PER_INCH, SERIES, Axes, Figure, literal_text
+from ancf_casadi.support.figures import DOTS_PER_INCH, PAGE_WIDTH, SERIES, Axes, Figure, literal_text
 
-FIGURE_WIDTH = 5.2  # inches
 STYLE: dict[Any, Any] = {
-    "font.size": 9,
+    "font.size": 9.6,
     "axes.titlesize": 9,
     "axes.titlelocation": "left",
     "legend.fontsize": 8,
@@ -75,8 +74,14 @@ def new_figure(height: float, rows: int = 1, columns: int = 1, **options: Any) -
     """Return a figure of the usual width and a height in inches, and its panels, row by row."""
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(FIGURE_WIDTH, height), layout="constrained")
+    figure = Figure(figsize=(PAGE_WIDTH, height), layout="constrained")
     return figure, list(figure.subplots(rows, columns, squeeze=False, **options).ravel())
+
+
+def mark_synthetic(figure: Figure) -> Figure:
+    """Write on a figure that its data are synthetic."""
+    figure.suptitle("SYNTHETIC DATA", fontsize=9, ha="right", x=0.98)
+    return figure
 
 
 def series(number: int) -> dict[str, Any]:

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from ancf_casadi.support.arrays import Array
+from ancf_casadi.support.arrays import Array, extremes
 from ancf_casadi.support.figures import DOTS_PER_INCH, PAGE_WIDTH, SERIES, Axes, Figure, literal_text
 
 STYLE: dict[Any, Any] = {
@@ -101,10 +101,7 @@ def band(time: Array, values: Array, frequency: float) -> Array:
     if periods < 25:  # so few are drawn in full
         step = max(1, len(time) // 1000)
         return np.array([time[::step], values[::step], values[::step]])
-    columns = int(min(periods, 300))
-    edges = np.searchsorted(time, np.linspace(time[0], time[-1], columns, endpoint=False))
-    edges = np.unique(edges)
-    return np.array([time[edges], np.minimum.reduceat(values, edges), np.maximum.reduceat(values, edges)])
+    return np.array(extremes(time, values, int(min(periods, 300))))
 
 
 def draw_band(axes: Axes, shown: Array, scale: float, *, filled: bool = False, **style: Any) -> None:

@@ -48,6 +48,7 @@ def match_figure(targets: Array, standard: Array, matched: Array, initial_beam: 
     ):
         axes.plot(places, 100 * (frequencies / targets - 1), marker, color=colour, label=label)
     axes.axhline(0.0, ls=":", lw=0.8, color=MEASURED)
+    axes.margins(y=0.2)
     axes.set(ylabel="deviation, %", xlabel="measured frequency", xticks=places,
              xticklabels=[f"{target:.5g} Hz" for target in targets])  # fmt: skip
     axes.legend(frameon=False, loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=2)

@@ -82,7 +82,7 @@ def test_every_fit_has_warnings_errors_text_data_and_a_figure(samples, name):
 
 
 def test_each_computed_result_states_its_own_kind(samples):
-    assert len({samples[name].to_dict()["kind"] for name in COMPUTED}) == len(COMPUTED) == 12
+    assert len({samples[name].to_dict()["kind"] for name in COMPUTED}) == len(COMPUTED) == 13
 
 
 @pytest.mark.parametrize("name", COMPUTED)

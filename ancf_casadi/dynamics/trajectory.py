@@ -391,6 +391,19 @@ class Trajectory(Motion):
         """Error of the energy balance, (k,), J; 0 for an exact solution."""
         return np.asarray(self.energy - self.energy[0] - self.base_work - self.load_work + self.dissipated_energy)
 
+    def tables(self) -> tuple[Table, ...]:
+        """Return the table of the tip, and that of the energies."""
+        if not len(self.time):
+            return (self.table(),)
+        energies = {
+            "lost to damping": self.dissipated_energy,
+            "work of the base": self.base_work,
+            "work of the load": self.load_work,
+            "error of the balance": np.abs(self.balance_error),
+        }
+        rows = [(name, float(values[np.abs(values).argmax()])) for name, values in energies.items() if values.any()]
+        return self.table(), Table("energies", "Energies at their largest", ("energy", "J"), rows)
+
     def to_dict(self) -> dict[str, Any]:
         """Return clamp, tip and energies over time as plain data; ``pickle`` keeps the whole motion."""
         return {

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -16,7 +17,7 @@ from ancf_casadi.estimation.prediction import RecordPrediction
 from ancf_casadi.estimation.result import LeastSquaresResult
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.figures import Figure, drawing
-from ancf_casadi.support.tables import Displayed, Table, finite_or_none
+from ancf_casadi.support.tables import Reported, Table, finite_or_none
 
 F = TypeVar("F", bound=LeastSquaresResult)
 LIKE_RECORDS = (2, 5)  # numbers of like records whose power is stated
@@ -24,7 +25,7 @@ RULED_OUT = 1e-3  # probability below which a law does not count in a mean over 
 
 
 @dataclass(frozen=True, eq=False)
-class LawComparison(Displayed, Generic[F]):
+class LawComparison(Reported, Generic[F]):
     """Damping laws that were fitted to the same records.
 
     Parameters
@@ -54,6 +55,8 @@ class LawComparison(Displayed, Generic[F]):
     >>> print(f"{comparison.best.eta2:.1f} 1/m")
     2.0 1/m
     """
+
+    _drawing = "ancf_casadi.estimation.comparison.comparison_figure"
 
     names: tuple[str, ...]
     fits: tuple[F, ...]
@@ -197,6 +200,7 @@ class LawComparison(Displayed, Generic[F]):
         """Return the result for JSON, with None for unknown values."""
         verdict = self.verdict
         return {
+            "kind": "law comparison",
             "best": self.names[verdict.best],
             "settled": verdict.settled,
             "deciding": self.deciding,
@@ -223,14 +227,18 @@ class LawComparison(Displayed, Generic[F]):
         }
         return [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)]
 
-    def figure(self) -> Figure:
-        """Draw the differences of AICc and BIC from their lowest values, with the probabilities."""
-        probabilities = self.verdict.probabilities.tolist()
-        names = [
-            f"{name}, {round(100 * probability, 2):g} %"
-            for name, probability in zip(self.names, probabilities, strict=True)
-        ]
-        return drawing("ancf_casadi.figures.fits.criteria_figure")(names, self.verdict.aicc, self.verdict.bic)
+
+def comparison_figure(comparisons: Mapping[str, LawComparison[Any]]) -> Figure:
+    """Draw the differences of AICc and BIC from their lowest values, by label; those of one with probabilities."""
+    names = dict.fromkeys(name for comparison in comparisons.values() for name in comparison.names)
+    criteria = {}
+    for label, comparison in comparisons.items():
+        for criterion, values in (("AICc", comparison.verdict.aicc), ("BIC", comparison.verdict.bic)):
+            by_law = dict(zip(comparison.names, values, strict=True))
+            criteria[f"{label} {criterion}".strip()] = [by_law.get(name, math.nan) for name in names]
+    if len(comparisons) == 1:
+        names = {f"{name}, {round(100 * share, 2):g} %": None for name, share in comparison.probabilities.items()}
+    return drawing("ancf_casadi.figures.fits.criteria_figure")([*names], criteria)
 
 
 def mixed_ends(weights: Array, values: Array, ends: Array, level: float) -> Array:

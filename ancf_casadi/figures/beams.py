@@ -13,7 +13,7 @@ from ancf_casadi.mechanics.beam import Beam
 from ancf_casadi.mechanics.lumped import PROPERTIES
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.support.arrays import Array
-from ancf_casadi.support.figures import COMPUTED, MEASURED, SERIES, literal_text
+from ancf_casadi.support.figures import COMPUTED, MEASURED, PAGE_WIDTH, SERIES, literal_text
 
 
 def points_along(model: Model, coordinates: Array) -> Array:
@@ -38,10 +38,9 @@ def line_styles(results: Mapping[str, object]) -> list[tuple[str, Any]]:
 def match_figure(targets: Array, standard: Array, matched: Array, initial_beam: Beam, matched_beam: Beam,
                  ranges: Mapping[str, Array]) -> Figure:  # fmt: skip
     """Draw the deviations of natural frequencies (Hz) from their targets, and below the changes of the properties."""
-    figure = Figure(figsize=(8, 3.4 + 1.6 * len(ranges)), layout="constrained")
-    frequency_panel, property_panel = figure.subfigures(
-        2, 1, squeeze=False, height_ratios=(2.2, 1.2 + 1.6 * len(ranges))
-    ).ravel()
+    height = 0.7 + 0.8 * len(ranges)  # inches, of the properties
+    figure = Figure(figsize=(PAGE_WIDTH, 1.5 + height), layout="constrained")
+    frequency_panel, property_panel = figure.subfigures(2, 1, squeeze=False, height_ratios=(1.5, height)).ravel()
     axes, places = frequency_panel.subplots(), np.arange(len(targets))
     for frequencies, label, colour, marker in (
         (standard, "given beam", MEASURED, "x"),
@@ -49,6 +48,7 @@ def match_figure(targets: Array, standard: Array, matched: Array, initial_beam: 
     ):
         axes.plot(places, 100 * (frequencies / targets - 1), marker, color=colour, label=label)
     axes.axhline(0.0, ls=":", lw=0.8, color=MEASURED)
+    axes.margins(y=0.2)
     axes.set(ylabel="deviation, %", xlabel="measured frequency", xticks=places,
              xticklabels=[f"{target:.5g} Hz" for target in targets])  # fmt: skip
     axes.legend(frameon=False, loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=2)
@@ -56,23 +56,12 @@ def match_figure(targets: Array, standard: Array, matched: Array, initial_beam: 
     return figure
 
 
-@literal_text
-def properties_figure(
-    initial_beam: Beam, matched_beam: Beam, ranges: Mapping[str, Array], width: float = 8.0
-) -> Figure:
+def _draw_properties(figure: SubFigure, initial_beam: Beam, matched_beam: Beam, ranges: Mapping[str, Array]) -> None:
     """Draw the relative change of the properties along a beam, and the ranges that fit equally well.
 
     ``ranges`` holds the lowest and highest relative change of each element, (n, 2), or of all elements, (1, 2), of each
-    property to draw; the figure is ``width`` inches wide.
+    property to draw.
     """
-    figure = Figure(figsize=(width, 1.2 + 1.6 * len(ranges)), layout="constrained")
-    _draw_properties(figure, initial_beam, matched_beam, ranges)
-    return figure
-
-
-def _draw_properties(
-    figure: Figure | SubFigure, initial_beam: Beam, matched_beam: Beam, ranges: Mapping[str, Array]
-) -> None:
     edges = 1e3 * np.linspace(0.0, matched_beam.length, matched_beam.elements + 1)
     plots = figure.subplots(len(ranges), 1, sharex=True, squeeze=False).ravel()
     for axes, name in zip(plots, (name for name in PROPERTIES if name in ranges), strict=True):
@@ -82,7 +71,7 @@ def _draw_properties(
                           alpha=0.2, lw=0, label="fits equally well")  # fmt: skip
         axes.stairs(change, edges, baseline=None, color=COMPUTED, lw=1.5, label="matched")
         axes.axhline(0.0, ls=":", lw=0.8, color=MEASURED)
-        axes.set(ylabel=f"{name.replace('_', ' ')}, %", xlim=(0.0, edges[-1]))
+        axes.set(ylabel="{}, %".format(name.replace("_", "\n")), xlim=(0.0, edges[-1]))
     plots[0].legend(frameon=False, loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=2)
     plots[-1].set(xlabel="arc length, mm")
     figure.align_ylabels()

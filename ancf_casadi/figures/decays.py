@@ -13,8 +13,8 @@ from numpy.typing import ArrayLike
 from ancf_casadi.decay.envelope import DampingCurve, LawCurve
 from ancf_casadi.decay.spectrum import power_spectrum
 from ancf_casadi.figures.fits import draw_autocorrelation
-from ancf_casadi.support.arrays import Array
-from ancf_casadi.support.figures import COMPUTED, MEASURED, SERIES, literal_text, si_prefix
+from ancf_casadi.support.arrays import Array, extremes
+from ancf_casadi.support.figures import COMPUTED, MEASURED, PAGE_WIDTH, SERIES, literal_text, si_prefix
 
 PLOT_COLUMNS = 600  # intervals of a long record, each drawn by its extremes
 
@@ -35,7 +35,7 @@ def decay_figure(
     ``time`` (s) starts at the release, ``curve`` returns the fit at any times, and ``values`` is a title with the
     estimates.  ``points`` are damping ratio and frequency in windows of the record, ``law`` those of the fitted law.
     """
-    figure = Figure(figsize=(9, 9), layout="constrained")
+    figure = Figure(figsize=(PAGE_WIDTH, 5.4), layout="constrained")
     over_time, below, lowest = figure.subfigures(3, 1, squeeze=False, height_ratios=(1.2, 1, 1)).ravel()
     _draw_fit(over_time, below, time, measured, curve, values, unit)
     axes = lowest.subplots(1, 2)
@@ -97,9 +97,9 @@ def _draw_fit(
     plots = figure.subplots(1, 2, width_ratios=(3, 2), sharey=True) if is_long else [figure.subplots()]
     if is_long:
         columns = min(PLOT_COLUMNS, len(turns) // 2)  # a period or more in each
-        plots[0].fill_between(*_extremes(time, measured / size, columns), color=MEASURED, alpha=0.35, lw=0,
+        plots[0].fill_between(*extremes(time, measured / size, columns), color=MEASURED, alpha=0.35, lw=0,
                               label="record, extremes")  # fmt: skip
-        begins, *lines = _extremes(time, fitted / size, columns)
+        begins, *lines = extremes(time, fitted / size, columns)
         for line, label in zip(lines, (None, "fit, extremes"), strict=True):
             plots[0].plot(begins, line, lw=1, color=COMPUTED, label=label)
     end = time[turns[2 * 8]] if is_long else time[-1]  # the periods drawn beside the extremes
@@ -118,17 +118,11 @@ def _draw_fit(
     draw_autocorrelation(correlation_axes, measured - fitted)
 
 
-def _extremes(time: Array, values: Array, columns: int) -> tuple[Array, Array, Array]:
-    """Return the begin of each column of a diagram, and the smallest and the largest value in it."""
-    edges = np.unique(np.searchsorted(time, np.linspace(time[0], time[-1], columns, endpoint=False)))
-    return time[edges], np.minimum.reduceat(values, edges), np.maximum.reduceat(values, edges)
-
-
 def _draw_residuals(axes: Axes, time: Array, residuals: Array, unit: str) -> None:
     """Draw residuals over time; if there are many samples, their extremes."""
     size, name = si_prefix(float(np.abs(residuals).max()), unit)
     if len(time) > 2 * PLOT_COLUMNS:
-        axes.fill_between(*_extremes(time, residuals / size, PLOT_COLUMNS), color=MEASURED, lw=0)
+        axes.fill_between(*extremes(time, residuals / size, PLOT_COLUMNS), color=MEASURED, lw=0)
     else:
         axes.plot(time, residuals / size, lw=0.6, color=MEASURED)
     axes.set(xlabel="time, s", ylabel=f"record less fit, {name}" if name else "record less fit")

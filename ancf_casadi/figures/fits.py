@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -30,12 +31,13 @@ def draw_autocorrelation(axes: Axes, residuals: Array, series: Sequence[int] = (
 
 
 @literal_text
-def criteria_figure(names: Sequence[str], aicc: Sequence[float], bic: Sequence[float]) -> Figure:
-    """Draw the differences of AICc and BIC from their lowest values; values that are not finite are left out."""
+def criteria_figure(names: Sequence[str], criteria: Mapping[str, Sequence[float]]) -> Figure:
+    """Draw the differences of criteria from their lowest values; values that are not finite are left out."""
     figure = Figure(figsize=(7, 1.2 + 0.5 * len(names)), layout="constrained")
     axes = figure.subplots()
     places = np.arange(len(names))
-    for criterion, shift, label, colour in ((aicc, -0.12, "AICc", MEASURED), (bic, 0.12, "BIC", COMPUTED)):
+    shifts, colours = np.linspace(-0.12, 0.12, len(criteria)), [MEASURED, COMPUTED, *(f"C{k}" for k in range(10))]
+    for (label, criterion), shift, colour in zip(criteria.items(), shifts, itertools.cycle(colours), strict=False):
         values = np.array(criterion)
         finite = np.isfinite(values)
         differences = values[finite] - values[finite].min(initial=np.inf)

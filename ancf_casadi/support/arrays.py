@@ -28,6 +28,12 @@ def maxima(values: Array) -> Index:
     return np.flatnonzero(rises[:-1] & ~rises[1:]) + 1
 
 
+def extremes(time: Array, values: Array, columns: int) -> tuple[Array, Array, Array]:
+    """Return the begin of each column of a diagram over time, and the smallest and the largest value in it."""
+    edges = np.unique(np.searchsorted(time, np.linspace(time[0], time[-1], columns, endpoint=False)))
+    return time[edges], np.minimum.reduceat(values, edges), np.maximum.reduceat(values, edges)
+
+
 @dataclass(frozen=True)
 class Layout:
     """The consecutive blocks of a vector."""

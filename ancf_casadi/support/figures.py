@@ -37,6 +37,7 @@ SERIES: tuple[tuple[str, object, str], ...] = (  # colour, dash, marker
 )
 
 DOTS_PER_INCH = 130
+PAGE_WIDTH = 5.2  # inches, of a figure whose letters stay readable on a narrow page
 PREFIXES = {0: "", -3: "m", -6: "µ", -9: "n", -12: "p", 3: "k", 6: "M"}
 
 P = ParamSpec("P")

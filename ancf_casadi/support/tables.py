@@ -86,7 +86,7 @@ class Table(Displayed):
     errors: Mapping[str, Sequence[float | None]] = field(default_factory=dict)  # standard errors, by column head
     printed: Mapping[str, Sequence[float | None]] = field(default_factory=dict)  # printed numbers, by column head
     source: str = "printed"  # origin of the printed numbers
-    digits: Mapping[str, Sequence[int]] = field(default_factory=dict)  # significant digits, by column head
+    digits: int = 6  # significant digits of a number on a page
 
     def text(self) -> str:
         """Return the table for a terminal, numbers to six digits."""

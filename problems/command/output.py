@@ -8,15 +8,12 @@ import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.support.figures import Figure
 from ancf_casadi.support.files import check_file, write_file
 from ancf_casadi.support.tables import Reported
-
-if TYPE_CHECKING:
-    from ancf_casadi.estimation.comparison import LawComparison
 
 PICTURES = (".png", ".svg", ".pdf")
 
@@ -91,11 +88,9 @@ def figure_writers(path: Path | None, draw: Callable[[], Figure]) -> list[Callab
     return [] if path is None else file_writers(path, lambda: content(path.suffix))
 
 
-def result_output(
-    result: Reported | LawComparison[Any], plot: Path | None, files: Sequence[Callable[[], object]] = ()
-) -> Output:
-    """Return a result, with its figure after other files."""
-    return Output(result.to_dict, result.report, [*files, *figure_writers(plot, result.figure)])
+def result_output(result: Reported, plot: Path | None) -> Output:
+    """Return a result, with its figure."""
+    return Output(result.to_dict, result.report, figure_writers(plot, result.figure))
 
 
 def new_files(inputs: Sequence[str], *outputs: Path | None) -> None:

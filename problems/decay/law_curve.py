@@ -162,7 +162,7 @@ def decay_fit_figure(fits: Mapping[str, DecayFit]) -> Figure:
     from ancf_casadi.figures.decays import decay_figure  # matplotlib is slow to import
 
     (fit,) = fits.values()
-    values = f"{fit.law} damping, {_value(fit, 'frequency', 1.0, 'Hz')}, {_value(fit, 'damping_ratio', 100.0, '%')}"
+    values = f"{fit.law} damping\n{_value(fit, 'frequency', 1.0, 'Hz')}, {_value(fit, 'damping_ratio', 100.0, '%')}"
     return decay_figure(
         fit.time,
         fit.measured,

@@ -243,21 +243,28 @@ def _check_modes(frequencies: Any, ratios: Any, ratio_std: Any) -> tuple[Array, 
 
 @literal_text
 def rayleigh_figure(fits: Mapping[str, RayleighFit]) -> Figure:
-    """Draw measured damping ratios with their errors, and the fitted laws, Eq. (16), against frequency."""
+    """Draw measured damping ratios with their errors, and the fitted laws, Eq. (16), against frequency.
+
+    Of a single law, the parts of its coefficients are drawn too.
+    """
     from matplotlib.figure import Figure  # slow to import
 
     figure = Figure(figsize=(6, 3.6), layout="constrained")
     axes = figure.subplots()
+    ticks = sorted({frequency for fit in fits.values() for frequency in fit.frequencies})
+    frequencies = np.geomspace(0.8 * ticks[0], 1.25 * ticks[-1], 200)
     for k, (label, fit) in enumerate(fits.items()):
         colours = (COMPUTED, MEASURED) if not k else (f"C{k}", f"C{k}")
-        frequencies = np.geomspace(0.8 * fit.frequencies[0], 1.25 * fit.frequencies[-1], 200)
         ratios = rayleigh_ratio(frequencies, fit.alpha, fit.beta)
         axes.plot(frequencies, 100 * ratios, lw=1, color=colours[0], label=f"{label} fit".strip())
+        parts = {"mass, α/(2 ω)": (fit.alpha, 0.0, ":"), "stiffness, β ω/2": (0.0, fit.beta, "--")}
+        for name, (alpha, beta, dash) in parts.items() if len(fits) == 1 else ():
+            part = 100 * rayleigh_ratio(frequencies, alpha, beta)
+            axes.plot(frequencies, part, lw=1, ls=dash, color=COMPUTED, label=name)
         errors = None if fit.ratio_std is None else 100 * np.array(fit.ratio_std)
         measured = 100 * np.array(fit.measured)
         axes.errorbar(fit.frequencies, measured, errors, fmt="o", color=colours[1], label=f"{label} measured".strip())
     axes.set(xscale="log", xlabel="frequency, Hz", ylabel="damping ratio, %")
-    ticks = sorted({frequency for fit in fits.values() for frequency in fit.frequencies})
     axes.set_xticks(ticks, [f"{frequency:.4g}" for frequency in ticks])
     axes.minorticks_off()
     axes.legend(frameon=False)

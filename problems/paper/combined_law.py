@@ -49,8 +49,8 @@ from problems.paper.inputs import AMPLITUDES, ETA2, STANDARD_BEAM, matched_beam,
 from problems.paper.step import paper_step
 from problems.spec.beam import make_law
 from problems.study.compute import Compute
-from problems.study.drawing import line, new_figure
-from problems.study.step import Finding, LawChoice, table_beside_print
+from problems.study.drawing import line, mark_synthetic, new_figure
+from problems.study.step import Finding, LawChoice, study_table
 
 REJECTED = 0.01  # probability of Q below which one eta2 does not explain all modes
 AIR = Air(density=1.2, viscosity=1.81e-5)
@@ -93,7 +93,7 @@ def combined_law(compute: Compute) -> Finding:
 
 def fit_to_decays(compute: Compute) -> tuple[CombinedLawFit, Modes]:
     """Return the law fitted to the decays of Table 4, and the modes of the matched beam."""
-    decays = [decay.numbers for decay in table_04.decay_fits(compute)]
+    decays = [decay.data for decay in table_04.decay_fits(compute)]
     pairs = [numbers["unbounded"] for numbers in decays]  # estimates without bounds
     modes = natural_modes(Model(matched_beam(compute)), count=len(pairs))
     fit = fit_combined_law(
@@ -242,7 +242,7 @@ def _law_table(fit: CombinedLawFit, drag: float, drag_error: float) -> Table:
     rows += [("η2, all modes", "1/m", fit.eta2), ("drag coefficient", "1", drag)]
     errors = {"value": [*100 * fit.errors[:-1], fit.errors[-1], drag_error]}
     title = "Modal plus quadratic damping for all modes"
-    return table_beside_print(title, ("", "unit", "value"), rows, fit.verdict, errors=errors)
+    return study_table(title, ("", "unit", "value"), rows, fit.verdict, errors=errors)
 
 
 def _drag_table(fit: CombinedLawFit, rows: Sequence[Mapping[str, Any]]) -> Table:
@@ -270,11 +270,7 @@ def _drag_table(fit: CombinedLawFit, rows: Sequence[Mapping[str, Any]]) -> Table
         "Printed η2: with the beam of the study before any change.",
     )
     cells = zip(*columns.values(), strict=True)
-    return table_beside_print("Drag coefficient and viscous damping", [*columns], cells, *notes, errors=errors)
-
-
-def _mark_synthetic(figure: Figure) -> None:
-    figure.suptitle("SYNTHETIC DATA", fontsize=9, ha="right", x=0.98)
+    return study_table("Drag coefficient and viscous damping", [*columns], cells, *notes, errors=errors)
 
 
 def _eta2_figure(fit: CombinedLawFit) -> Figure:
@@ -286,8 +282,7 @@ def _eta2_figure(fit: CombinedLawFit) -> Figure:
     axes.errorbar(numbers, eta2, 1.96 * errors, fmt="o", ms=4, lw=1, color=MEASURED, label="each mode alone, 95 %")
     axes.set(xlabel="mode", ylabel="η2 of the beam, 1/m", xticks=numbers)
     axes.legend()
-    _mark_synthetic(figure)
-    return figure
+    return mark_synthetic(figure)
 
 
 def _ratio_figure(curves: Sequence[tuple[Array, Mapping[str, Array]]]) -> Figure:
@@ -302,5 +297,4 @@ def _ratio_figure(curves: Sequence[tuple[Array, Mapping[str, Array]]]) -> Figure
     panels[-1].set(xlabel="amplitude of the tip, mm")
     figure.legend(*panels[0].get_legend_handles_labels(), loc="outside lower center", ncols=2)
     figure.align_ylabels()
-    _mark_synthetic(figure)
-    return figure
+    return mark_synthetic(figure)

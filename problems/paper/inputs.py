@@ -10,11 +10,13 @@ from dataclasses import replace
 
 from ancf_casadi.mechanics.beam import Beam
 from problems.modal_damping.rayleigh import fit_rayleigh
+from problems.spec.file import NO_FILE
 from problems.spec.match import MatchTable
 from problems.study.compute import Compute
-from problems.study.kinds.beam import MatchedBeam, match_plain
+from problems.study.drawing import FORMATS
+from problems.study.kinds.beam import match_finding
 from problems.study.kinds.experiment import RequestedRun
-from problems.study.step import LawChoice
+from problems.study.step import Finding, LawChoice
 
 SEED = 20  # of all random numbers
 
@@ -50,14 +52,17 @@ def three_laws() -> tuple[LawChoice, LawChoice, LawChoice]:
     return GENERIC, LawChoice("proportional", terms, "Rayleigh (proportional)"), QUADRATIC
 
 
-def match_standard_beam(compute: Compute) -> MatchedBeam:
+def match_standard_beam(compute: Compute) -> Finding:
     """Change the standard beam by at most 10 %, to have the measured frequencies: Tables 9 and 10."""
-    return compute(match_plain, STANDARD_BEAM, MatchTable(targets=FREQUENCIES, bounds=0.10), cost=2.0)
+    table = MatchTable(targets=FREQUENCIES, bounds=0.10)
+    return compute(match_finding, STANDARD_BEAM, table, NO_FILE, FORMATS, cost=2.0)  # also for steps without figures
 
 
 def matched_beam(compute: Compute) -> Beam:
     """Return the matched beam of Tables 9 and 10, on which all experiments are simulated."""
-    return match_standard_beam(compute).beam.beam()
+    beam = match_standard_beam(compute).beam
+    assert beam
+    return beam.beam()
 
 
 def experiments(*laws: LawChoice, modes: tuple[int, ...] = (1, 2, 3, 4, 5)) -> list[RequestedRun]:

@@ -13,7 +13,7 @@ from problems.paper.step import paper_step
 from problems.study.compute import Compute
 from problems.study.kinds.experiment import RequestedRun
 from problems.study.kinds.transients import run_experiments
-from problems.study.step import Finding, table_beside_print
+from problems.study.step import Finding, study_table
 
 HEADS = ("mode", "law", "damping ratio by Radau, %", "by IDAS, %", "largest difference of the tip around the stop, mm",
          "amplitude there, mm", "steps of Radau", "of IDAS")  # fmt: skip
@@ -43,4 +43,4 @@ def compare_integrators(compute: Compute, beam: Beam, runs: Sequence[RequestedRu
                      "largest_difference_m": difference})  # fmt: skip
         percent = [100 * ratio for ratio in ratios]
         rows.append((run.mode, law.title, *percent, 1e3 * difference, 1e3 * amplitude, *steps))
-    return Finding(data, (table_beside_print("The same experiment by both integrators", HEADS, rows),))
+    return Finding(data, (study_table("The same experiment by both integrators", HEADS, rows),))

@@ -28,7 +28,7 @@ from problems.study.drawing import new_figure, series
 from problems.study.kinds.experiment import RequestedRun
 from problems.study.kinds.response import SUMMARY_HEADS, curve_numbers, draw_curve, summary_rows
 from problems.study.kinds.transients import run_experiments
-from problems.study.step import Finding, LawChoice, Terms, table_beside_print
+from problems.study.step import Finding, LawChoice, Terms, study_table
 
 RANGE_WIDTH = 5.0  # half-width of the range of frequencies relative to that of the resonance
 RANGE_MARGIN = 1.3  # of the expected change of frequency
@@ -73,7 +73,7 @@ def resonances(compute: Compute, beam: Beam, runs: Sequence[RequestedRun]) -> Fi
         (row["mode"], law.title, 1e3 * row["base_amplitude_m"], 1e3 * row["reached_amplitude_m"], *peaks)
         for (law, row), peaks in zip(rows, summary_rows([curve for curve, _ in curves]), strict=True)
     ]
-    table = table_beside_print("Steady vibration at the base amplitudes of the experiments", heads, cells)
+    table = study_table("Steady vibration at the base amplitudes of the experiments", heads, cells)
     data = [
         {
             "mode": row["mode"],

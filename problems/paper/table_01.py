@@ -19,4 +19,4 @@ PRINTED = {"value": (500.0, 5.0, 0.5, 8000.0, 210.0)}  # mm, mm, mm, kg/m^3, GPa
 )
 def standard_beam(compute: Compute) -> Finding:
     """Return the properties of the beam."""
-    return properties_finding(STANDARD_BEAM, PRINTED)
+    return properties_finding(STANDARD_BEAM).beside_print(PRINTED)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from problems.paper.inputs import FREQUENCIES, PRINTED_RATIOS, RATIOS, SEED
 from problems.paper.step import paper_step
 from problems.study.compute import Compute
-from problems.study.kinds.decays import FittedDecay, SyntheticDecay, decays_finding, fit_all, synthetic_decays
+from problems.study.kinds.decays import SyntheticDecay, decays_finding, fit_all, synthetic_decays
 from problems.study.step import Finding
 
 AMPLITUDES = (0.050, 0.015, 0.008, 0.005, 0.005)  # m, at release
@@ -14,9 +14,9 @@ PRINTED = {"frequency": FREQUENCIES, "damping_ratio": PRINTED_RATIOS}  # Hz, %
 DECAYS = synthetic_decays(map(SyntheticDecay, FREQUENCIES, AMPLITUDES, RATIOS), SEED)
 
 
-def decay_fits(compute: Compute) -> list[FittedDecay]:
+def decay_fits(compute: Compute) -> list[Finding]:
     """Return the fits of the decays by the linear law."""
-    return fit_all(compute, DECAYS, "linear", "zero")
+    return fit_all(compute, DECAYS, "linear", "zero", compute.formats)
 
 
 @paper_step(
@@ -33,4 +33,4 @@ Eq. (10) recovers both with their standard errors.""",
 )
 def modal_identification(compute: Compute) -> Finding:
     """Return the modal parameters that the fits of the decays identify."""
-    return decays_finding(compute, DECAYS, decay_fits(compute), PRINTED)
+    return decays_finding(DECAYS, decay_fits(compute), PRINTED)

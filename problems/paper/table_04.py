@@ -5,7 +5,7 @@ from __future__ import annotations
 from problems.paper.inputs import AMPLITUDES, ETA1, ETA2, FREQUENCIES, PRINTED_RATIOS, SEED
 from problems.paper.step import paper_step
 from problems.study.compute import Compute
-from problems.study.kinds.decays import FittedDecay, SyntheticDecay, decays_finding, fit_all, synthetic_decays
+from problems.study.kinds.decays import SyntheticDecay, decays_finding, fit_all, synthetic_decays
 from problems.study.step import Finding
 
 PRINTED = {"frequency": FREQUENCIES, "damping_ratio": PRINTED_RATIOS, "eta1": ETA1, "eta2": ETA2}
@@ -17,7 +17,7 @@ DECAYS = synthetic_decays(
 )  # fmt: skip
 
 
-def decay_fits(compute: Compute) -> list[FittedDecay]:
+def decay_fits(compute: Compute) -> list[Finding]:
     """Return the fits of the decays by the quadratic law."""
     return fit_all(compute, DECAYS, "quadratic", "zero")
 
@@ -39,4 +39,4 @@ Each record is a free decay by Eq. (27) with the eta1 and eta2 that Table 4 prin
 )
 def quadratic(compute: Compute) -> Finding:
     """Return eta1 and eta2 of each mode that the fits of the decays identify."""
-    return decays_finding(compute, DECAYS, decay_fits(compute), PRINTED)
+    return decays_finding(DECAYS, decay_fits(compute), PRINTED)

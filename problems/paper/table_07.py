@@ -20,7 +20,7 @@ from problems.paper.effects import (
 from problems.paper.step import paper_step
 from problems.study.compute import Compute
 from problems.study.drawing import line, new_figure, series
-from problems.study.step import Finding, table_beside_print
+from problems.study.step import Finding, study_table
 
 LAWS = (
     QuadraticLaw("changing_3", "Quadratic 3", 0.15, 0.11),
@@ -82,7 +82,7 @@ def _crossing_table(crossings: Sequence[tuple[float, float]]) -> Table:
     ]
     heads = ("law", "frequency, Hz", "η1, 1/s", "η2, 1/m", "crosses the first, beam, s", "by Eq. (27), s")
     note = f"Start with the tip at {1e3 * AMPLITUDE:g} mm.  A dash: the envelopes do not cross."
-    return table_beside_print("Laws whose damping ratio changes along a decay", heads, rows, note)
+    return study_table("Laws whose damping ratio changes along a decay", heads, rows, note)
 
 
 def _ratio_table(ratios: Sequence[Ratios]) -> Table:
@@ -92,7 +92,7 @@ def _ratio_table(ratios: Sequence[Ratios]) -> Table:
         (law.title, *(100 * float(values[k]) for k in (0, -1) for values in (ratio, by_formula)))
         for law, (_, ratio, by_formula) in zip(LAWS, ratios, strict=True)
     ]
-    return table_beside_print("Damping ratio along the decay", heads, rows, "In windows of two periods.")
+    return study_table("Damping ratio along the decay", heads, rows, "In windows of two periods.")
 
 
 def _figure(decays: Sequence[SimulatedDecay], ratios: Sequence[Ratios]) -> Figure:

@@ -24,7 +24,7 @@ from problems.paper.effects import (
 from problems.paper.step import paper_step
 from problems.study.compute import Compute
 from problems.study.drawing import band, draw_band, line, new_figure, series
-from problems.study.step import Finding, table_beside_print
+from problems.study.step import Finding, study_table
 
 LAWS = (QuadraticLaw("eta1_alone", "Quadratic 1", 2.0, 0.0), QuadraticLaw("eta2_alone", "Quadratic 2", 1e-9, 1.0))
 FREQUENCY, FREQUENCIES = 1.85, (1.0, 5.0, 20.0)  # Hz, of Figures 12 and 14, and of Figures 13 and 15
@@ -98,7 +98,7 @@ def _times_to_a_tenth(rows: Sequence[tuple[QuadraticLaw, SimulatedDecay]]) -> Ta
         f"{1e3 * AMPLITUDE:g} mm; mode 2 starts with {100 * largest:.1g} % of mode 1.",
         "A dash: more than 10 % is left at the end.",
     )
-    return table_beside_print("Decays under each law", heads, cells, *notes)
+    return study_table("Decays under each law", heads, cells, *notes)
 
 
 def _word_table(words: Sequence[Mapping[str, Any]], horizon: float) -> Table:
@@ -117,7 +117,7 @@ def _word_table(words: Sequence[Mapping[str, Any]], horizon: float) -> Table:
         "Rapid: the larger rate at every frequency.  Independent: rates within 10 %.  Controllable: less than 2 % "
         f"of the amplitude left after {horizon:g} s at every frequency.",
     )
-    return table_beside_print("Characteristics of the laws", heads, rows, *notes)
+    return study_table("Characteristics of the laws", heads, rows, *notes)
 
 
 def _amplitudes_left(rows: Sequence[tuple[QuadraticLaw, SimulatedDecay]], times: Sequence[float]) -> Table:
@@ -128,7 +128,7 @@ def _amplitudes_left(rows: Sequence[tuple[QuadraticLaw, SimulatedDecay]], times:
         for row, (_, decay) in zip(cells, rows, strict=True):
             row += [_amplitude_left(envelope, time) for envelope in (decay.envelope, decay.formula)]
     note = f"The simulation does not resolve less than {1e3 * LEAST_AMPLITUDE:g} mm."
-    return table_beside_print("Amplitude that is left", heads, cells, note)
+    return study_table("Amplitude that is left", heads, cells, note)
 
 
 def _amplitude_left(envelope: Envelope, time: float) -> float | str:

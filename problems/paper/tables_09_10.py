@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
+from ancf_casadi.mechanics.model import Model
+from ancf_casadi.vibration.modes import natural_modes
 from problems.paper.inputs import STANDARD_BEAM, match_standard_beam
 from problems.paper.step import paper_step
 from problems.study.compute import Compute
-from problems.study.kinds.beam import match_finding
 from problems.study.step import Finding
 
-PRINTED = {
-    "value": (5.0, 0.49, 8108.0, 205.130),  # Table 9: width, thickness, mm, density, kg/m^3, elastic modulus, GPa
-    "standard": (1.67, 10.47, 29.32, 57.46, 94.97),  # Table 10, Hz
-    "optimum": (1.84, 10.18, 26.81, 53.15, 88.79),  # Table 10, Hz
-}
+PROPERTIES = (5.0, 0.49, 8108.0, 205.130)  # Table 9: width, thickness, mm, density, kg/m^3, elastic modulus, GPa
+STANDARD = (1.67, 10.47, 29.32, 57.46, 94.97)  # Table 10, Hz
+OPTIMUM = (1.84, 10.18, 26.81, 53.15, 88.79)  # Table 10, Hz
 PRINTED_DENSITY = 7850.0  # kg/m^3, of a beam without gravity that has the printed standard frequencies
+WEIGHTLESS = f"{PRINTED_DENSITY:g} kg/m³, no gravity"
 
 
 @paper_step(
@@ -36,4 +38,10 @@ beam.""",
 def frequency_matching(compute: Compute) -> Finding:
     """Return the matched beam and its frequencies, beside those of the standard beam."""
     match = match_standard_beam(compute)
-    return match_finding(compute, STANDARD_BEAM, match, PRINTED, "paper", weightless=PRINTED_DENSITY)
+    properties, frequencies = match.tables
+    weightless = Model(STANDARD_BEAM.with_(gravity=(0.0, 0.0), density=PRINTED_DENSITY))
+    other = natural_modes(weightless, count=len(frequencies.rows)).frequencies.tolist()
+    columns = (*frequencies.columns[:3], WEIGHTLESS, *frequencies.columns[3:])
+    rows = [(*row[:3], frequency, *row[3:]) for row, frequency in zip(frequencies.rows, other, strict=True)]
+    match = replace(match, tables=(properties, replace(frequencies, columns=columns, rows=rows)))
+    return match.beside_print({"mean": PROPERTIES}, {WEIGHTLESS: STANDARD, "matched": OPTIMUM})

@@ -6,7 +6,7 @@ from problems.paper.inputs import FREQUENCIES, STANDARD_BEAM
 from problems.paper.step import paper_step
 from problems.spec.match import MatchTable
 from problems.study.compute import Compute
-from problems.study.kinds.beam import match_finding, match_plain
+from problems.study.kinds.beam import match_finding
 from problems.study.step import Finding
 
 UNIFORM = MatchTable(
@@ -27,4 +27,5 @@ frequencies. The smallest possible largest error is about 3 %; with one value pe
 )
 def uniform_beam(compute: Compute) -> Finding:
     """Return the uniform beam with the smallest largest error."""
-    return match_finding(compute, STANDARD_BEAM, compute(match_plain, STANDARD_BEAM, UNIFORM, cost=2.0))
+    match: Finding = compute(match_finding, STANDARD_BEAM, UNIFORM, cost=2.0)
+    return match

@@ -141,22 +141,13 @@ class Compute:
         Whether this is a quick look, for which simulations are shortened.
     formats : tuple of str
         Formats of figures, of ``"svg"`` and ``"png"``; no figures are drawn if there are none.
-    draw : bool
-        Whether the step has figures.
     """
 
-    def __init__(
-        self,
-        store: Store | None = None,
-        *,
-        quick: bool = False,
-        formats: tuple[str, ...] = FORMATS,
-        draw: bool = True,
-    ) -> None:
+    def __init__(self, store: Store | None = None, *, quick: bool = False, formats: tuple[str, ...] = FORMATS) -> None:
         self.quick = quick
-        self.all_formats = FORMATS if formats else ()  # of figures that a computation draws beside its numbers
+        self.formats = FORMATS if formats else ()  # of figures that a computation draws beside its numbers
         self.times: dict[str, float] = {}  # of the computations when they ran, s, by key
-        self._store, self._formats, self._draw = store or Store(), formats, draw
+        self._store, self._formats = store or Store(), formats
 
     def __call__(self, function: Callable[..., Result], *inputs: Any, cost: float = 1.0) -> Result:
         """Return the result of a function; the cost is its expected computing time, s."""
@@ -178,8 +169,6 @@ class Compute:
 
     def drawings(self, *figures: tuple[str, Callable[..., Figure], *tuple[Any, ...]]) -> tuple[Drawing, ...]:
         """Draw figures, each given by its caption, the function that draws it, and the arguments of this function."""
-        if not self._draw:
-            return ()
         if not self._formats:
             return tuple(Drawing(caption, "", b"") for caption, *_ in figures)
         inputs = [(caption, function, arguments, self._formats) for caption, function, *arguments in figures]

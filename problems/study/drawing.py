@@ -14,12 +14,11 @@ from typing import Any
 
 import numpy as np
 
-from ancf_casadi.support.arrays import Array
-from ancf_casadi.support.figures import DOTS_PER_INCH, SERIES, Axes, Figure, literal_text
+from ancf_casadi.support.arrays import Array, extremes
+from ancf_casadi.support.figures import DOTS_PER_INCH, PAGE_WIDTH, SERIES, Axes, Figure, literal_text
 
-FIGURE_WIDTH = 5.2  # inches
 STYLE: dict[Any, Any] = {
-    "font.size": 9,
+    "font.size": 9.6,
     "axes.titlesize": 9,
     "axes.titlelocation": "left",
     "legend.fontsize": 8,
@@ -75,8 +74,14 @@ def new_figure(height: float, rows: int = 1, columns: int = 1, **options: Any) -
     """Return a figure of the usual width and a height in inches, and its panels, row by row."""
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(FIGURE_WIDTH, height), layout="constrained")
+    figure = Figure(figsize=(PAGE_WIDTH, height), layout="constrained")
     return figure, list(figure.subplots(rows, columns, squeeze=False, **options).ravel())
+
+
+def mark_synthetic(figure: Figure) -> Figure:
+    """Write on a figure that its data are synthetic."""
+    figure.suptitle("SYNTHETIC DATA", fontsize=9, ha="right", x=0.98)
+    return figure
 
 
 def series(number: int) -> dict[str, Any]:
@@ -96,10 +101,7 @@ def band(time: Array, values: Array, frequency: float) -> Array:
     if periods < 25:  # so few are drawn in full
         step = max(1, len(time) // 1000)
         return np.array([time[::step], values[::step], values[::step]])
-    columns = int(min(periods, 300))
-    edges = np.searchsorted(time, np.linspace(time[0], time[-1], columns, endpoint=False))
-    edges = np.unique(edges)
-    return np.array([time[edges], np.minimum.reduceat(values, edges), np.maximum.reduceat(values, edges)])
+    return np.array(extremes(time, values, int(min(periods, 300))))
 
 
 def draw_band(axes: Axes, shown: Array, scale: float, *, filled: bool = False, **style: Any) -> None:

@@ -1,7 +1,7 @@
 """Tables of a study on its page and in its files.
 
-The page shows a value with as many digits as its standard error supports, and with four digits if there is none, beside
-the number that others have printed.  CSV files hold all digits.
+The page shows a value with as many digits as its standard error supports, or else with those that the table states,
+beside the number that others have printed.  CSV files hold all digits.
 """
 
 from __future__ import annotations
@@ -17,8 +17,8 @@ def formatted_table(table: Table) -> Table:
     """Return a table as a document shows it: texts, with value and standard error in one cell."""
     columns: list[tuple[str, Sequence[Cell]]] = []
     for head, values in zip(table.columns, zip(*table.rows, strict=True), strict=True):
-        errors, digits = table.errors.get(head, [None] * len(values)), table.digits.get(head, [4] * len(values))
-        columns.append((head, [*map(shown, values, errors, digits)]))
+        errors = table.errors.get(head, [None] * len(values))
+        columns.append((head, [shown(value, error, table.digits) for value, error in zip(values, errors, strict=True)]))
         if printed := table.printed.get(head):
             columns.append((table.source, [shown(number, digits=6) for number in printed]))
             columns.append(("difference", [*map(difference, values, printed)]))
@@ -57,13 +57,6 @@ def shown(value: Cell, error: float | None = None, digits: int = 4) -> str:
     power = math.floor(math.log10(max(abs(value), error)))
     places = max(0, decimals + power)
     return f"({value / 10**power:.{places}f} ± {error / 10**power:.{places}f})e{power}"
-
-
-def significant_digits(value: float, error: float | None) -> int:
-    """Return the significant digits of a value down to the second digit of an error; 4 for none."""
-    if not (value and error and math.isfinite(error)):
-        return 4
-    return max(4, 2 + math.floor(math.log10(abs(value))) - math.floor(math.log10(error)))
 
 
 def difference(value: Cell, printed: float | None) -> str:

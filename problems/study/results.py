@@ -178,5 +178,7 @@ def inline_svg(svg: str, name: str, caption: str) -> Markup:
     element = INK.sub(r"\1currentColor", element)
     width, height = re.search(r'width="([\d.]+)pt" height="([\d.]+)pt"', element).groups()  # type: ignore[union-attr]
     element = re.sub(r'width="[\d.]+pt" height="[\d.]+pt"', "", element, count=1)
-    opening = f'<svg role="img" aria-label="{escape(caption)}" style="aspect-ratio: {width} / {height}"'
+    least = 0.75 * float(width)  # px, at which letters are readable
+    style = f"aspect-ratio: {width} / {height}; min-width: {least:g}px"
+    opening = f'<svg role="img" aria-label="{escape(caption)}" style="{style}"'
     return Markup(element.replace("<svg", opening, 1))

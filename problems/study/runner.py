@@ -53,7 +53,7 @@ def run_steps(
     def run(step: Step) -> Finding:
         needed = {name: findings[name].result() for name in step.needs}
         with store.turn:
-            compute = Compute(store, quick=quick, formats=formats, draw=step.draw)
+            compute = Compute(store, quick=quick, formats=formats if step.draw else ())
             try:
                 finding: Finding = decode(encode(step.finding(compute, needed)), Finding)  # plain data alone
             except NumericsError as error:

@@ -9,7 +9,7 @@ A later step may need the finding of an earlier one: its beam, or the terms of i
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence, Set
+from collections.abc import Callable, Iterable, Mapping, Sequence, Set
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Annotated, Any, ClassVar, Self
@@ -22,13 +22,14 @@ from ancf_casadi.mechanics.beam import Beam
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.mechanics.spec import BeamSpec
 from ancf_casadi.mechanics.strain import StrainMeasures
+from ancf_casadi.support.figures import Figure
 from ancf_casadi.support.inputs import shown, whole
 from ancf_casadi.support.specs import UNLISTED, convert
-from ancf_casadi.support.tables import Cell, Table
+from ancf_casadi.support.tables import Cell, Reported, Table
 from problems.spec.beam import read_beam
 from problems.spec.file import NO_FILE, StudyFile
 from problems.study.compute import Compute
-from problems.study.drawing import Drawing
+from problems.study.drawing import Drawing, drawn
 
 Terms = tuple[dict[str, Any], ...]  # tables [[damping]], the terms of one law
 Printed = Mapping[str, Sequence[float | None]]  # printed numbers by column
@@ -52,12 +53,38 @@ class Finding:
     name: str = ""  # of its step, once that has run
     times: Mapping[str, float] = field(default_factory=dict)  # of the computations when they ran, s, by key
 
+    @classmethod
+    def of(
+        cls,
+        result: Reported,
+        caption: str,
+        formats: Sequence[str],
+        draw: Callable[[], Figure] | None = None,
+        **others: Any,
+    ) -> Self:
+        """Return the numbers, tables, figure, warnings and report of a result, or others in place of some."""
+        fields: dict[str, Any] = {
+            "data": result.to_dict(),
+            "tables": result.tables(),
+            "figures": (drawn(caption, draw or result.figure, formats),),
+            "warnings": tuple(getattr(result, "warnings", ())),
+            "text": result.report(),
+        }
+        return cls(**fields | others)
+
+    def beside_print(self, *printed: Mapping[str, Sequence[float | None] | None]) -> Self:
+        """Return the finding with the printed numbers of its first tables, by head; a column may have none."""
+        by_head = [{head: numbers for head, numbers in table.items() if numbers} for table in printed]
+        tables = [replace(table, printed=numbers) for table, numbers in zip(self.tables, by_head, strict=False)]
+        return replace(self, tables=(*tables, *self.tables[len(printed) :]))
+
     @property
     def seconds(self) -> float:
         """Computing time, s."""
         return sum(self.times.values(), 0.0)
 
 
+NO_FINDING = Finding(None)
 Findings = Mapping[str, Finding]  # by the name of their step
 
 
@@ -86,6 +113,15 @@ class LawChoice:
         return replace(self, terms=tuple(terms))
 
 
+def join_findings(data: Any, findings: Sequence[Finding], **others: Any) -> Finding:
+    """Return the tables, figures, warnings and reports of several findings as one."""
+    together = {
+        name: tuple(item for finding in findings for item in getattr(finding, name))
+        for name in ("tables", "figures", "warnings")
+    }
+    return Finding(data, **{**together, "text": "\n\n".join(finding.text for finding in findings), **others})
+
+
 def printed_numbers(table: Printed, columns: Mapping[str, int], where: str) -> Printed:
     """Return the printed numbers of a step by column, from its key ``printed``; None for one that is nan there.
 
@@ -99,17 +135,15 @@ def printed_numbers(table: Printed, columns: Mapping[str, int], where: str) -> P
     return {name: [None if number != number else number for number in values] for name, values in table.items()}
 
 
-def table_beside_print(
+def study_table(
     title: str,
     heads: Sequence[str],
     rows: Iterable[Sequence[Cell]],
     *notes: str,
     errors: Mapping[str, Sequence[float | None]] | None = None,
-    printed: Mapping[str, Sequence[float | None] | None] | None = None,
 ) -> Table:
-    """Return a table with standard errors and printed numbers by head; a column without printed numbers has None."""
-    numbers = {head: values for head, values in (printed or {}).items() if values}
-    return Table("", title, heads, list(rows), notes, errors or {}, numbers)
+    """Return a table of a study, numbers to four digits, or to those that their standard errors, by head, support."""
+    return Table("", title, heads, list(rows), notes, errors or {}, digits=4)
 
 
 @dataclass(frozen=True, kw_only=True)

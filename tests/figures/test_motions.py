@@ -8,7 +8,7 @@ import pytest
 
 from ancf_casadi import Beam, HarmonicBase, Model, Trajectory, simulate
 from ancf_casadi.exceptions import InputError
-from ancf_casadi.figures.beams import properties_figure
+from ancf_casadi.figures.beams import match_figure
 from ancf_casadi.figures.files import figure_bytes
 
 
@@ -76,7 +76,8 @@ def test_properties_are_drawn_as_changes_within_their_ranges(paper_beam):
     given = paper_beam(4)
     found = given.with_(thickness=tuple(0.5e-3 * np.array([1.02, 0.97, 1.0, 1.05])), density=8400.0)
     ranges = {"density": np.tile([-0.1, 0.1], (4, 1)), "thickness": np.array([[-0.05, 0.06]] * 4)}
-    thickness, density = properties_figure(given, found, ranges).axes
+    frequencies = np.array([1.0, 2.0])
+    _, thickness, density = match_figure(frequencies, frequencies, frequencies, given, found, ranges).axes
     assert (thickness.get_ylabel(), density.get_ylabel()) == ("thickness, %", "density, %")
     (steps,) = [patch for patch in thickness.patches if hasattr(patch, "get_data")]
     assert steps.get_data().values == pytest.approx([2.0, -3.0, 0.0, 5.0])

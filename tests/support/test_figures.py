@@ -17,7 +17,7 @@ WAVE = np.sin(40 * TIME)
 DRAWN = {
     "record": lambda name: record_figure(name, TIME, WAVE, name),
     "spectrum": lambda name: spectra_figure([(name, TIME, WAVE, (TIME, WAVE))], name),
-    "laws": lambda name: criteria_figure([name, "other"], [1.0, 2.0], [1.0, 2.0]),
+    "laws": lambda name: criteria_figure([name, "other"], {"AICc": [1.0, 2.0], "BIC": [1.0, 2.0]}),
     "estimates": lambda name: scatter_figure([name], WAVE[:, None], [0.0], [1.0]),
 }
 

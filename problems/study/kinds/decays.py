@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Annotated, Any, Literal, Self, final
+from typing import Annotated, Literal, Self, final
 
 import casadi as cs
 import numpy as np
@@ -20,18 +20,17 @@ from ancf_casadi.decay.rest_position import Rest
 from ancf_casadi.estimation.agreement import subset_estimates
 from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.support.arrays import Array
-from ancf_casadi.support.figures import Figure, si_prefix
 from ancf_casadi.support.inputs import error_prefix
 from ancf_casadi.support.specs import convert
-from ancf_casadi.support.tables import Cell, Table, finite_or_none
+from ancf_casadi.support.tables import Cell
 from problems.decay.fitting import fit_decay
-from problems.decay.laws import Law
+from problems.decay.laws import DECAY_TERMS, Law
 from problems.decay.result import DecayFit
 from problems.spec.file import StudyFile
 from problems.spec.record_files import ColumnSpec
 from problems.study.compute import Compute
-from problems.study.drawing import band, draw_band, line, new_figure
-from problems.study.step import Finding, Findings, Printed, Step, Study, printed_numbers, table_beside_print
+from problems.study.drawing import mark_synthetic
+from problems.study.step import Finding, Findings, Printed, Step, Study, join_findings, printed_numbers, study_table
 
 PRINTED = ("frequency", "damping_ratio", "eta1", "eta2")
 SYNTHETIC_RATE, SYNTHETIC_DURATION, SYNTHETIC_STD = 500.0, 5.0, 0.2e-3  # 1/s, s, m, of synthetic decays
@@ -67,28 +66,30 @@ class Decay:
     release_time: float  # start of the decay, s; nan if it is to be detected
 
 
-@dataclass(frozen=True)
-class FittedDecay:
-    """The fit of a decay as plain data."""
-
-    numbers: dict[str, Any]  # as in ``results.json``
-    amplitude_error: float  # standard error of the amplitude, m; nan if unknown
-    motion: Array  # (3, k): times from the release on, s, record and fit
-    first_periods: Array  # (2, k): fine times over the first periods, s, and fit
-
-
-def fit_plain(decay: Decay, law: str, rest: Rest | None) -> FittedDecay:
-    """Fit a decay, and return the fit as plain data."""
+def fit_plain(decay: Decay, law: str, rest: Rest | None, formats: tuple[str, ...] = ()) -> Finding:
+    """Fit a decay; the numbers of the fit have those of the quadratic law without its bounds beside them."""
     release = None if math.isnan(decay.release_time) else decay.release_time
     record = decay.record
     with error_prefix(record.name):
         fit: DecayFit = fit_decay(record, law=law, rest=rest, release_time=release)  # type: ignore[arg-type]
-    per_period = len(fit.time) / max(1.0, fit.frequency * float(fit.time[-1] - fit.time[0]))
-    periods = min(12, max(3, 300 / per_period), len(fit.time) / per_period)  # drawn in detail
-    fine_time = fit.release_time + np.linspace(0.0, periods / fit.frequency, int(40 * periods))
-    motion = np.array([fit.time, np.interp(fit.time, record.time, record.values), fit.displacement(fit.time)])
-    first_periods = np.array([fine_time, fit.displacement(fine_time)])
-    return FittedDecay(_numbers(fit), fit.standard_errors.get("amplitude", math.nan), motion, first_periods)
+    unbounded = None
+    if fit.law == "quadratic":
+        eta1, eta2, covariance = unbounded_coefficients(fit)
+        unbounded = {"eta1": eta1, "eta2_per_m": eta2, "covariance": covariance.tolist()}
+    data = {
+        "record": record.name,
+        "synthetic": bool(decay.synthetic),
+        **fit.to_dict(),
+        "equivalent_damping_ratio": fit.damping_ratio,
+        "unbounded": unbounded,
+    }
+    caption = (
+        f"{record.name}: free decay and its fit.  Below: record less fit, its autocorrelation, and damping ratio and "
+        "frequency against amplitude."
+    )
+    warnings = tuple(f"{record.name}: {warning}" for warning in fit.warnings)
+    draw = (lambda: mark_synthetic(fit.figure())) if decay.synthetic else fit.figure
+    return Finding.of(fit, caption, formats, draw, data=data, warnings=warnings)
 
 
 def unbounded_coefficients(fit: DecayFit) -> tuple[float, float, Array]:
@@ -100,32 +101,6 @@ def unbounded_coefficients(fit: DecayFit) -> tuple[float, float, Array]:
     values, covariance = subset_estimates(all_free, np.ones(len(fit.fit.residuals), dtype=bool))
     pair = list(fit.indices[1:3])  # after the frequency
     return float(values[pair[0]]), float(values[pair[1]]), covariance[np.ix_(pair, pair)]
-
-
-def _numbers(fit: DecayFit) -> dict[str, Any]:
-    def error(name: str) -> float | None:
-        return finite_or_none(fit.standard_errors.get(name, math.nan))
-
-    unbounded = None  # coefficients of the quadratic law as if they had no bounds, and their covariance
-    if fit.law == "quadratic":
-        eta1, eta2, covariance = unbounded_coefficients(fit)
-        unbounded = {"eta1": eta1, "eta2_per_m": eta2, "covariance": covariance.tolist()}
-    return {
-        "law": fit.law,
-        "frequency_hz": fit.frequency,
-        "frequency_stderr_hz": error("frequency"),
-        "damping_ratio": fit.damping_ratio,
-        "damping_ratio_stderr": error("damping_ratio"),
-        "equivalent_damping_ratio": fit.damping_ratio,
-        "amplitude_m": fit.amplitude,
-        "eta1": fit.eta1,
-        "eta1_stderr": error("eta1"),
-        "eta2_per_m": fit.eta2,
-        "eta2_stderr_per_m": error("eta2"),
-        "correlation": finite_or_none(fit.correlation),
-        "unbounded": unbounded,
-        "warnings": list(fit.warnings),
-    }
 
 
 @final
@@ -151,8 +126,8 @@ class Decays(Step):
     def finding(self, compute: Compute, findings: Findings) -> Finding:
         """Return the table of modal parameters, and a figure per record."""
         decays = [record.decay(self.file, place) for place, record in _records(self.file).items()]
-        fits = fit_all(compute, decays, self.law, self.rest)
-        return decays_finding(compute, decays, fits, self.printed, with_law=self.law == "auto")
+        fits = fit_all(compute, decays, self.law, self.rest, compute.formats)
+        return decays_finding(decays, fits, self.printed, with_law=self.law == "auto")
 
 
 def _records(file: StudyFile) -> dict[str, DecayRecord]:
@@ -183,104 +158,35 @@ def synthetic_decays(parameters: Iterable[SyntheticDecay], seed: int) -> list[De
     return [synthetic_decay(of_mode, mode, seed) for mode, of_mode in enumerate(parameters, start=1)]
 
 
-def fit_all(compute: Compute, decays: Sequence[Decay], law: str, rest: Rest | None) -> list[FittedDecay]:
+def fit_all(
+    compute: Compute, decays: Sequence[Decay], law: str, rest: Rest | None, formats: tuple[str, ...] = ()
+) -> list[Finding]:
     """Fit decays by a law."""
-    return compute.all(fit_plain, [(decay, law, rest) for decay in decays], 0.2)
+    return compute.all(fit_plain, [(decay, law, rest, formats) for decay in decays], 0.2)
 
 
 def decays_finding(
-    compute: Compute,
-    decays: Sequence[Decay],
-    fits: Sequence[FittedDecay],
-    printed: Printed | None = None,
-    *,
-    with_law: bool = False,
+    decays: Sequence[Decay], fits: Sequence[Finding], printed: Printed | None = None, *, with_law: bool = False
 ) -> Finding:
-    """Return the table of modal parameters of fitted decays, one per mode, and a figure per record."""
-    data = [
-        {"mode": mode, "record": decay.record.name, "synthetic": bool(decay.synthetic), **fit.numbers}
-        for mode, (decay, fit) in enumerate(zip(decays, fits, strict=True), start=1)
-    ]
-    warnings = tuple(f"{row['record']}: {warning}" for row in data for warning in row["warnings"])
-    table = _parameter_table(decays, fits, printed or {}, with_law=with_law)
-    drawings = [
-        (_caption(mode, decay, fit), _decay_figure, decay, fit, _figure_title(mode, decay, fit))
-        for mode, (decay, fit) in enumerate(zip(decays, fits, strict=True), start=1)
-    ]
-    return Finding(data, (table,), compute.drawings(*drawings), warnings)
-
-
-def _parameter_table(
-    decays: Sequence[Decay], fits: Sequence[FittedDecay], printed: Printed, *, with_law: bool
-) -> Table:
-    rows = [{**fit.numbers, "amplitude_error": fit.amplitude_error} for fit in fits]
-    laws = [row["law"] for row in rows]
-    columns: dict[str, Sequence[Cell]] = {"record": [decay.record.name for decay in decays]}
-    errors: dict[str, Sequence[float | None]] = {}
-    printed_by_head = {}
-
-    def add(head: str, name: str, key: str, error: str, scale: float = 1.0) -> None:
-        columns[head] = [scale * row[key] for row in rows]
-        errors[head] = [None if row[error] is None else scale * row[error] for row in rows]
-        printed_by_head[head] = printed.get(name)
-
-    if all(decay.synthetic for decay in decays):
-        columns = {"mode": range(1, len(rows) + 1)}
+    """Return the table of modal parameters of fitted decays, one per mode, and their figures."""
+    data = [{"mode": mode, **fit.data} for mode, fit in enumerate(fits, start=1)]
+    estimates = [{estimate["name"]: estimate for estimate in fit["estimates"]} for fit in data]
+    key, laws = "mode" if all(fit["synthetic"] for fit in data) else "record", [fit["law"] for fit in data]
+    columns: dict[str, Sequence[Cell]] = {key: [fit[key] for fit in data]}
+    errors, printed_by_head, missing = {}, {}, {"value": math.nan, "standard_error": None, "unit": ""}
     if with_law or len({*laws}) > 1:
         columns["law"] = laws
-    add("frequency, Hz", "frequency", "frequency_hz", "frequency_stderr_hz")
-    damped_by_rate = any(law != "linear" for law in laws)
-    if damped_by_rate:
-        add("η1, 1/s", "eta1", "eta1", "eta1_stderr")
-        add("η2, 1/m", "eta2", "eta2_per_m", "eta2_stderr_per_m")
-        columns["correlation"] = [row["correlation"] for row in rows]
-        add("amplitude, mm", "amplitude", "amplitude_m", "amplitude_error", 1e3)
-    ratio = "equivalent damping ratio, %" if damped_by_rate else "damping ratio, %"
-    add(ratio, "damping_ratio", "damping_ratio", "damping_ratio_stderr", 100.0)
+    terms = dict.fromkeys(term for law in laws for term in DECAY_TERMS[law])
+    for name in ("frequency", *terms, "damping_ratio", "amplitude"):
+        rows = [by_name.get(name, missing) for by_name in estimates]
+        scale, unit = (100.0, "%") if name == "damping_ratio" else (1.0, max(row["unit"] for row in rows))
+        head = f"{name.replace('_', ' ')}, {unit}".removesuffix(", ")
+        columns[head] = [scale * row["value"] for row in rows]
+        errors[head] = [scale * (row["standard_error"] or math.nan) for row in rows]
+        printed_by_head[head] = (printed or {}).get(name)
+    if "eta2" in terms:
+        columns["correlation"] = [fit["correlation"] for fit in data]
     sources = dict.fromkeys(decay.synthetic for decay in decays if decay.synthetic)
     title = "Modal parameters from free decays" + "; synthetic data" * bool(sources)
-    cells = zip(*columns.values(), strict=True)
-    return table_beside_print(title, [*columns], cells, *sources, errors=errors, printed=printed_by_head)
-
-
-def _caption(mode: int, decay: Decay, fit: FittedDecay) -> str:
-    name = f"Mode {mode}: free decay (synthetic record)" if decay.synthetic else f"Free decay {decay.record.name}"
-    return (
-        f"{name} and its fit by the {fit.numbers['law']} law.  Top: extremes over the whole record.  "
-        "Middle: first periods.  Bottom: record less fit."
-    )
-
-
-def _figure_title(mode: int, decay: Decay, fit: FittedDecay) -> str:
-    numbers, name = fit.numbers, f"mode {mode}" if decay.synthetic else decay.record.name
-    if numbers["unbounded"]:
-        damping = f"η1 = {numbers['eta1']:.3g} 1/s,  η2 = {numbers['eta2_per_m']:.3g} 1/m"
-    else:
-        damping = f"ζ = {100 * numbers['damping_ratio']:.3g} %"
-    return f"{name}:  f = {numbers['frequency_hz']:.5g} Hz,  {damping}"
-
-
-def _decay_figure(decay: Decay, fit: FittedDecay, title: str) -> Figure:
-    """Draw a decay with its fit, its first periods, and the residuals."""
-    figure, (whole_record, first, remainder) = new_figure(4.6, 3)
-    (time, measured, fitted), (fine_time, fine) = fit.motion, fit.first_periods
-    size, unit = si_prefix(float(np.abs(measured).max()), decay.record.sensor.unit)
-    label = "synthetic record" if decay.synthetic else "record"
-    frequency = fit.numbers["frequency_hz"]
-    draw_band(whole_record, band(time, measured, frequency), 1 / size, filled=True, color="black", label=label)
-    draw_band(whole_record, band(time, fitted, frequency), 1 / size, **line(1), lw=1, label="fit")
-    shown = time <= fine_time[-1]
-    first.plot(time[shown], measured[shown] / size, "k.", ms=3, label=label)
-    first.plot(fine_time, fine / size, **line(1), lw=1, label="fit")
-    residuals = measured - fitted
-    residual_size, residual_unit = si_prefix(float(np.abs(residuals).max()), decay.record.sensor.unit)
-    windows = np.unique(np.linspace(0, len(residuals) - 1, min(300, len(residuals))).astype(int))  # as drawn
-    low, high = (extreme.reduceat(residuals, windows) / residual_size for extreme in (np.minimum, np.maximum))
-    remainder.vlines(time[windows], low, high, color="black", lw=0.7)
-    remainder.set(xlabel="time, s", ylabel=f"residual, {residual_unit}" if residual_unit else "residual")
-    for axes in (whole_record, first):
-        axes.set_ylabel(f"{decay.record.sensor.quantity}, {unit}" if unit else decay.record.sensor.quantity)
-        axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2)
-    figure.align_ylabels()
-    figure.suptitle(f"{title}{';  SYNTHETIC DATA' if decay.synthetic else ''}", fontsize=9, ha="left", x=0.02)
-    return figure
+    table = study_table(title, [*columns], zip(*columns.values(), strict=True), *sources, errors=errors)
+    return join_findings(data, fits, tables=(table,), text="").beside_print(printed_by_head)

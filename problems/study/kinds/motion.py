@@ -7,7 +7,7 @@ measured motion; planned experiments.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Self, final
@@ -35,9 +35,7 @@ from problems.spec.motion import SimulationTables, StepTables
 from problems.spec.plan import PLAN_TABLES, PlanTables
 from problems.spec.records import NUMBERS, Measurements
 from problems.study.compute import Compute
-from problems.study.drawing import drawn
-from problems.study.formatting import significant_digits
-from problems.study.step import Finding, Findings, Step, Study
+from problems.study.step import Finding, Findings, Step, Study, join_findings
 
 MODES = 12  # whose natural frequencies get standard errors
 MOTION_TABLES = {"beam", "damping", "base", "load", "release", "records", *NUMBERS, "predictions", "fit"}
@@ -64,7 +62,7 @@ class TablesStep(Step):
     def finding(self, compute: Compute, findings: Findings) -> Finding:
         """Open the files of measurements, and return the finding."""
         self.converter.of(self.file).read()
-        return compute(type(self).function, self.file, compute.all_formats, *self.inputs, cost=self.cost)
+        return compute(type(self).function, self.file, compute.formats, *self.inputs, cost=self.cost)
 
 
 def simulation_finding(
@@ -80,25 +78,18 @@ def simulation_finding(
         "balance_error_j": float(np.abs(run.balance_error).max()),
         "integrators": [use.method for use in run.integrators],
     }
-    x, y = data["tip_position_range_m"]
-    rows: list[tuple[str, str, float]] = [
-        ("range of the tip position in x", "mm", 1e3 * x),
-        ("range of the tip position in y", "mm", 1e3 * y),
-        ("energy taken by damping", "mJ", 1e3 * data["dissipated_energy_j"]),
-        ("largest energy balance error", "mJ", 1e3 * data["balance_error_j"]),
-    ]
-    caption = "Motion of the tip relative to the clamp, and shapes of the beam."
-    figure = drawn(caption, run.figure, formats)
-    files: dict[str, bytes] = {"motion.csv": _positions(run, tables.markers).csv().encode()}
+    finding = Finding.of(run, "Motion of the tip relative to the clamp, and shapes of the beam.", formats, data=data)
+    finding.files["motion.csv"] = _positions(run, tables.markers).csv().encode()
     if animate or animation:
         from ancf_casadi.animation.motions import moving_pictures  # matplotlib is slow to import
 
-        if animate:
-            figure = replace(figure, moving=moving_pictures({"": run}, "motion.gif", slower=slower))
         if animation:
-            files[animation] = moving_pictures({"": run}, animation, slower=slower)
-    table = Table("", "Simulated motion", ("quantity", "unit", "value"), rows)
-    return Finding(data, (table,), (figure,), text=run.report(), files=files)
+            finding.files[animation] = moving_pictures({"": run}, animation, slower=slower)
+        if animate:
+            (figure,) = finding.figures
+            moving = moving_pictures({"": run}, "motion.gif", slower=slower)
+            return replace(finding, figures=(replace(figure, moving=moving),))
+    return finding
 
 
 @final
@@ -143,33 +134,22 @@ def fit_finding(file: StudyFile, formats: tuple[str, ...]) -> Finding:
     read = Measurements.of(file).read()
     with error_prefix(file.where("fit")):
         fit = fit_beam(read.model, read.records, read.damping, **read.settings)
-    figures = [drawn("Measured motion (dots), fitted motion (lines), and residuals.", fit.figure, formats)]
-    predictions, failures = [], []
+    fitted = Finding.of(fit, "Measured motion (dots), fitted motion (lines), and residuals.", formats)
+    predictions = []
     for k, record in enumerate(read.predictions, start=1):
-        try:
-            predictions.append(prediction := fit.predict(record))
-        except NumericsError as error:  # the fit holds nevertheless
-            failures.append(f"record {k} could not be predicted: {error}")
-            continue
         caption = f"Record {k} that was predicted, not fitted: measured (dots) and computed (lines), and residuals."
-        figures.append(drawn(caption, prediction.figure, formats))
-    warnings = (*fit.warnings, *(text for prediction in predictions for text in prediction.warnings), *failures)
-    data: dict[str, Any] = {"fit": fit.to_dict(), "predictions": [one.to_dict() for one in predictions]}
-    tables = [_estimates(data["fit"]["estimates"])]
-    if predictions:
-        tables.append(_errors(data["predictions"]))
-    reports = [fit.report(), *(f"prediction {k}\n{one.report()}" for k, one in enumerate(predictions, start=1))]
-    reports += [f"  note: {text}" for text in failures]
+        try:
+            prediction = fit.predict(record)
+        except NumericsError as error:  # the fit holds nevertheless
+            failure = f"record {k} could not be predicted: {error}"
+            predictions.append(Finding(None, warnings=(failure,), text=f"  note: {failure}"))
+        else:
+            text = f"prediction {k}\n{prediction.report()}"
+            predictions.append(Finding.of(prediction, caption, formats, text=text))
+    data = {"fit": fitted.data, "predictions": [finding.data for finding in predictions if finding.data]}
     document = Document(fit.model, fit.law if read.damping else None, [Identification.of(fit)])
-    finding = Finding(
-        data,
-        tuple(tables),
-        tuple(figures),
-        warnings,
-        text="\n\n".join(reports),
-        files={"identified.json": to_json(document.to_dict()).encode()},
-        beam=BeamSpec.of(fit.model.beam),
-    )
+    files = {"identified.json": to_json(document.to_dict()).encode()}
+    finding = join_findings(data, [fitted, *predictions], files=files, beam=BeamSpec.of(fit.model.beam))
     if not fit.first:
         return finding
     with bends_allowed():  # the fit tells
@@ -193,25 +173,6 @@ def _error(fit: BeamFit, name: str) -> float:
     return relative * property_value(fit.model.beam, changed_property(name))
 
 
-def _estimates(unknowns: Sequence[Mapping[str, Any]]) -> Table:
-    heads = ("unknown", "unit", "estimate", "95 % interval from", "to")
-    rows = [(one["name"], one["unit"], one["value"], *one["interval_95"]) for one in unknowns]
-    errors = [one["standard_error"] for one in unknowns]
-    digits = {head: [significant_digits(row[k] or 0.0, error) for row, error in zip(rows, errors, strict=True)]
-              for k, head in enumerate(heads) if k > 2}  # fmt: skip
-    return Table("", "Estimates from the measurements", heads, rows, errors={"estimate": errors}, digits=digits)
-
-
-def _errors(predictions: Sequence[Mapping[str, Any]]) -> Table:
-    rows = [
-        (k, channel["channel"], channel["unit"], channel["rms_error"], 100 * channel["relative_error"])
-        for k, one in enumerate(predictions, start=1)
-        for channel in one["channels"]
-    ]
-    heads = ("record", "channel", "unit", "rms error", "rms error, % of the rms motion")
-    return Table("", "Errors of the predictions", heads, rows)
-
-
 @final
 @dataclass(frozen=True, kw_only=True)
 class MotionFit(TablesStep):
@@ -226,16 +187,8 @@ def comparison_finding(file: StudyFile, formats: tuple[str, ...]) -> Finding:
     """Fit the laws of a study file to its records: the criteria, as a table and as a figure."""
     read = Measurements.of(file).read()
     with error_prefix(file.where("fit")):
-        found = compare_laws(read.model, read.records, read.laws, **read.settings)
-    caption = "Information criteria of the laws above the lowest: smaller is better."
-    data = found.to_dict()
-    laws = data["laws"]
-    lowest = min(law["bic"] for law in laws)
-    heads = ("law", "unknowns", "rms residual", "BIC above the lowest")
-    rows = [(law["law"], law["estimated"], law["residual_rms"], law["bic"] - lowest) for law in laws]
-    table = Table("", "Damping laws fitted to the measured motion", heads, rows, found.table().notes)
-    figures = (drawn(caption, found.figure, formats),)
-    return Finding(data, (table,), figures, tuple(data["warnings"]), text=found.report())
+        comparison = compare_laws(read.model, read.records, read.laws, **read.settings)
+    return Finding.of(comparison, "Information criteria of the laws above the lowest: smaller is better.", formats)
 
 
 @final
@@ -259,29 +212,22 @@ class Comparison(TablesStep):
 
 def plan_finding(file: StudyFile, formats: tuple[str, ...]) -> Finding:
     """Plan the candidates of a study file: the errors of each and of all, and the best list."""
-    task = PlanTables.of(file)
-    if task.table.laws:
-        compared = task.compare()
-        table = compared.table()
-        figures = (drawn("Probability that each candidate tells two laws apart.", compared.figure, formats),)
-        return Finding(compared.to_dict(), (table,), figures, text=compared.report())
-    found = task.plan()
-    choice = task.choose(found)
-    own = found.table()
-    rows = [*own.rows, ("best list", None, *map(finite_or_none, found.relative(choice["standard_errors"]).values()))]
-    bought = ", ".join(f"{count} × {name}" for name, count in choice["best"].items() if count)
-    note = f"Best list within the budget {choice['budget']:g} for {choice['goal']}: {bought}."
+    tables = PlanTables.of(file)
+    if tables.table.laws:
+        return Finding.of(tables.compare(), "Probability that each candidate tells two laws apart.", formats)
+    plan = tables.plan()
+    choice = tables.choose(plan)
+    errors, bought = choice["standard_errors"], [f"{n} x {name}" for name, n in choice["best"].items() if n]
+    title = f"best list within the budget {choice['budget']:g} for {choice['goal']}: {', '.join(bought)}"
+    columns = errors, plan.units.values(), errors.values(), plan.relative(errors).values()
+    rows = [(name, unit, *map(finite_or_none, values)) for name, unit, *values in zip(*columns, strict=True)]
+    best = Table("best", title, ("unknown", "unit", "standard_error", "relative"), rows)
     caption = (
         "Expected standard errors from one record of each candidate, relative to the guesses; below, those of "
         "motions against their duration and the place of a single sensor."
     )
-    tables = (Table("", own.title, own.columns, rows, (note,)),)
-    chosen = ", ".join(f"{count} x {name}" for name, count in choice["best"].items() if count)
-    lines = [found.report(), "", f"best list within the budget {choice['budget']:g} for {choice['goal']}: {chosen}"]
-    errors = choice["standard_errors"]
-    lines += [f"  {name}: standard error {error:.3g} {found.units[name]}".rstrip() for name, error in errors.items()]
-    figures = (drawn(caption, found.figure, formats),)
-    return Finding(found.to_dict() | choice, tables, figures, found.warnings, text="\n".join(lines))
+    finding = Finding.of(plan, caption, formats, data=plan.to_dict() | choice)
+    return replace(finding, tables=(*finding.tables, best), text=f"{finding.text}\n\n{best.text()}")
 
 
 @final

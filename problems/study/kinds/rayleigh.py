@@ -6,28 +6,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import Annotated, Any, Self, final
 
-import numpy as np
 from msgspec import Meta
 
 from ancf_casadi.exceptions import InputError
-from ancf_casadi.support.figures import Figure, plain_log_ticks
 from ancf_casadi.support.inputs import error_prefix
-from ancf_casadi.support.tables import finite_or_none
-from problems.modal_damping.rayleigh import fit_rayleigh, rayleigh_ratio
+from problems.modal_damping.rayleigh import fit_rayleigh
 from problems.study.compute import Compute
-from problems.study.drawing import line, new_figure
-from problems.study.step import Finding, Findings, Printed, Step, Study, printed_numbers, table_beside_print
-
-
-@dataclass(frozen=True)
-class OtherModes:
-    """Frequencies (Hz) and damping ratios of modes."""
-
-    frequencies: tuple[float, ...] = ()
-    ratios: tuple[float, ...] = ()
-
-
-NO_MODES = OtherModes()
+from problems.study.step import Finding, Findings, Printed, Step, Study, printed_numbers, study_table
 
 
 @final
@@ -55,7 +40,8 @@ class Rayleigh(Step):
         deviations = self.ratio_std
         if self.identified_by:
             deviations = self._ratio_errors(findings[self.identified_by].data)
-        return rayleigh_finding(compute, self.frequencies, self.ratios, deviations, printed=self.printed)
+        fit = compute(rayleigh_finding, self.frequencies, self.ratios, deviations, compute.formats)
+        return fit.beside_print(self.printed)
 
     def _ratio_errors(self, data: Any) -> tuple[float, ...]:
         """Return the standard errors that a step with decays has found; none if one is unknown."""
@@ -71,73 +57,19 @@ class Rayleigh(Step):
 
 
 def rayleigh_finding(
-    compute: Compute,
-    frequencies: Sequence[float],
-    ratios: Sequence[float],
-    ratio_std: Sequence[float] = (),
-    *,
-    others: OtherModes = NO_MODES,
-    examples: Sequence[tuple[float, float]] = (),
-    printed: Printed | None = None,
+    frequencies: Sequence[float], ratios: Sequence[float], ratio_std: Sequence[float], formats: tuple[str, ...]
 ) -> Finding:
-    """Fit the coefficients of Rayleigh damping: their table, the ratio of each mode, and a figure over frequency."""
+    """Fit Rayleigh damping: its coefficients, and the ratio of each mode, also over frequency."""
     fit = fit_rayleigh(frequencies, ratios, ratio_std=ratio_std or None)
-    errors = (fit.standard_errors["alpha"], fit.standard_errors["beta"])
-    modes = zip((*frequencies, *others.frequencies), (*ratios, *others.ratios), strict=True)
-    rows = [(f, 100 * z, float(100 * rayleigh_ratio(np.array(f), fit.alpha, fit.beta))) for f, z in modes]
-    tables = (
-        table_beside_print(
-            "Coefficients of Rayleigh damping",
-            ("coefficient", "unit", "value"),
-            [("alpha", "1/s", fit.alpha), ("beta", "s", fit.beta)],
-            errors={"value": errors},
-            printed={"value": (printed or {}).get("value")},
-        ),
-        table_beside_print("Damping ratios under this law", ("frequency, Hz", "measured, %", "Eq. (16), %"), rows),
+    rows = [(name, fit.units[name], value) for name, value in fit.estimates.items()]
+    errors = {"value": list(fit.standard_errors.values())}
+    coefficients = study_table(
+        "Coefficients of Rayleigh damping", ("coefficient", "unit", "value"), rows, errors=errors
     )
-    caption = (
-        "Damping ratio under Rayleigh damping against frequency, with the parts of α and β, and the measured modes."
+    return Finding.of(
+        fit,
+        "Damping ratio under Rayleigh damping against frequency, with the parts of α and β, and the measured modes.",
+        formats,
+        tables=(coefficients, *fit.tables()),
+        terms=({"law": "rayleigh", "alpha": fit.alpha, "beta": fit.beta},),
     )
-    if examples:
-        caption += " Below: laws with arbitrary coefficients, and the parts of each."
-    data = {
-        "alpha": fit.alpha,
-        "beta": fit.beta,
-        "alpha_stderr": finite_or_none(errors[0]),
-        "beta_stderr": finite_or_none(errors[1]),
-        "warnings": list(fit.warnings),
-    }
-    terms = ({"law": "rayleigh", "alpha": fit.alpha, "beta": fit.beta},)
-    figures = compute.drawings((caption, _figure, fit.alpha, fit.beta, frequencies, ratios, others, examples))
-    return Finding(data, tables, figures, fit.warnings, terms=terms)
-
-
-def _figure(
-    alpha: float,
-    beta: float,
-    frequencies: Sequence[float],
-    ratios: Sequence[float],
-    others: OtherModes,
-    examples: Sequence[tuple[float, float]],
-) -> Figure:
-    figure, panels = new_figure(5.4 if examples else 3.2, 2 if examples else 1)
-    all_frequencies = [*frequencies, *others.frequencies]
-    f = np.geomspace(0.5 * min(all_frequencies), 2 * max(all_frequencies), 200)
-    panels[0].plot(f, 100 * rayleigh_ratio(f, alpha, 0.0), **line(1), label="α M")
-    panels[0].plot(f, 100 * rayleigh_ratio(f, 0.0, beta), **line(2), label="β K")
-    panels[0].plot(f, 100 * rayleigh_ratio(f, alpha, beta), **line(0), label="α M + β K, Eq. (16)")
-    panels[0].plot(frequencies, 100 * np.array(ratios), "ko", label="fitted modes")
-    if others.ratios:
-        panels[0].plot(others.frequencies, 100 * np.array(others.ratios), "kx", label="other modes")
-    panels[0].set_title(f"α = {alpha:.4g} 1/s,  β = {beta:.4g} s")
-    for k, (α, β) in enumerate(examples):
-        panels[1].plot(f, 100 * rayleigh_ratio(f, α, β), **line(k), label=f"α = {α:g} 1/s, β = {β:g} s")
-        panels[1].set_title("arbitrary coefficients")
-    for axes in panels:
-        axes.set(xscale="log", yscale="log", xlabel="frequency, Hz", ylabel="damping ratio, %")
-        plain_log_ticks(axes, "x")
-        axes.legend()
-    shown = 100 * np.array([*ratios, *others.ratios])
-    panels[0].set_ylim(0.2 * shown.min(), 5 * shown.max())
-    plain_log_ticks(panels[0], "y")
-    return figure

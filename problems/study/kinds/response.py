@@ -33,8 +33,7 @@ from problems.spec.file import StudyFile
 from problems.spec.motion import ResponseTables, convert_response, read_response
 from problems.study.compute import Compute
 from problems.study.drawing import new_figure, series
-from problems.study.formatting import formatted_table
-from problems.study.step import Finding, Findings, Step, Study, table_beside_print
+from problems.study.step import Finding, Findings, Step, Study, study_table
 
 TIP_KEY = "tip"
 SUMMARY_HEADS = ("peak of the tip, mm", "at, Hz", "damping there, %", "jump up, Hz", "jump down, Hz")
@@ -112,7 +111,13 @@ class ResponseStep(Step):
         curves = compute.all(level_curve, [(self.file, level) for level in self.levels], 5.0)
         titles = [f"{1e3 * level:.4g} m{self.unit}" for level in self.levels]  # in mm or mN
         rows = [(title, *row) for title, row in zip(titles, summary_rows(curves), strict=True)]
-        table = table_beside_print("Peaks and jumps of the response", ("excitation", *SUMMARY_HEADS), rows)
+        bifurcations = [
+            f"{title}: {bifurcation['name']} at {bifurcation['frequency_hz']:.6g} Hz, "
+            f"tip {1e3 * bifurcation['amplitude_m']:.4g} mm"
+            for title, curve in zip(titles, curves, strict=True)
+            for bifurcation in curve["bifurcations"]
+        ]
+        table = study_table("Peaks and jumps of the response", ("excitation", *SUMMARY_HEADS), rows, *bifurcations)
         caption = (
             "Steady vibration of the tip relative to the clamp: half the peak-to-peak value, and phase against the "
             "excitation.  Dashed: unstable."
@@ -122,15 +127,8 @@ class ResponseStep(Step):
             {"level": level, "unit": self.unit, "curve": curve}
             for level, curve in zip(self.levels, curves, strict=True)
         ]
-        lines = [
-            f"  {title}: {bifurcation['name']} at {bifurcation['frequency_hz']:.6g} Hz, "
-            f"tip {1e3 * bifurcation['amplitude_m']:.4g} mm"
-            for title, curve in zip(titles, curves, strict=True)
-            for bifurcation in curve["bifurcations"]
-        ]
-        text = "\n".join([formatted_table(table).text(), *lines])
         files = {"response.csv": _points(self.levels, self.unit, curves).csv().encode()}
-        return Finding(data, (table,), figures, text=text, files=files)
+        return Finding(data, (table,), figures, files=files)
 
 
 def _points(levels: Sequence[float], unit: str, curves: Sequence[Curve]) -> Table:

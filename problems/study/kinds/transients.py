@@ -22,7 +22,7 @@ from ancf_casadi.support.tables import Table, finite_or_none
 from problems.study.compute import Compute
 from problems.study.drawing import draw_band, line, new_figure, series
 from problems.study.kinds.experiment import ExperimentResult, RequestedRun, run_experiment
-from problems.study.step import Finding, Findings, LawChoice, Printed, Step, Study, printed_numbers, table_beside_print
+from problems.study.step import Finding, Findings, LawChoice, Printed, Step, Study, printed_numbers, study_table
 
 TRANSIENT_KEYS = {"experiment", "runs"}  # other keys of its numbers
 
@@ -113,23 +113,22 @@ def transients_finding(
         modes = [run.mode for run in runs]
         overview = ("Damping ratio of each mode under each law.", _overview, modes, data, titles, printed, printed_by)
         drawings.append(overview)
-    tables = (_ratios(runs, in_order, printed), _amplitudes(in_order))
-    return Finding(data, tables, compute.drawings(*drawings))
+    beside = [printed[law.name][k] if law.name in printed else None for k, law, _ in in_order]
+    finding = Finding(data, (_ratios(runs, in_order), _amplitudes(in_order)), compute.drawings(*drawings))
+    return finding.beside_print({"simulated, %": beside if any(value is not None for value in beside) else None})
 
 
-def _ratios(runs: Sequence[RequestedRun], rows: Sequence[Row], printed: Printed) -> Table:
+def _ratios(runs: Sequence[RequestedRun], rows: Sequence[Row]) -> Table:
     measured = any(math.isfinite(run.measured_ratio) for run in runs)
     cells = [
         (numbers["mode"], law.title, *[100 * runs[k].measured_ratio][:measured], 100 * numbers["damping_ratio"],
          100 * numbers["expected_damping_ratio"], 1e3 * numbers["amplitude_m"])
         for k, law, numbers in rows
     ]  # fmt: skip
-    beside = [printed[law.name][k] if law.name in printed else None for k, law, _ in rows]
-    return table_beside_print(
+    return study_table(
         "Damping ratios of the decays after the stop",
         ("mode", "law", *["measured, %"][:measured], "simulated, %", "predicted by the law, %", "at amplitude, mm"),
         cells,
-        printed={"simulated, %": beside if any(value is not None for value in beside) else None},
     )
 
 
@@ -149,7 +148,7 @@ def _amplitudes(rows: Sequence[Row]) -> Table:
         "amplitude by more than the width of the resonance, so that a drive at constant frequency reaches no more."
     )
     notes = ("The base amplitude is that of linear theory for the requested amplitude of the tip.", reason)
-    return table_beside_print("Amplitudes of the excitation and of the tip", heads, cells, *notes[: 1 + short])
+    return study_table("Amplitudes of the excitation and of the tip", heads, cells, *notes[: 1 + short])
 
 
 def _overview(

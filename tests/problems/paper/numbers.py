@@ -19,14 +19,14 @@ ETA1, ETA2 = inputs.ETA1, inputs.ETA2  # Table 4
 EQUIVALENT_AMPLITUDES = inputs.AMPLITUDES  # of the tip, m, at which Eq. (26) has the ratios that Table 4 prints
 
 # Tables 9 and 10: width, thickness, density and elastic modulus of the matched beam, and its frequencies
-_WIDTH, _THICKNESS, _DENSITY, _MODULUS = tables_09_10.PRINTED["value"]
+_WIDTH, _THICKNESS, _DENSITY, _MODULUS = tables_09_10.PROPERTIES
 OPTIMUM = {
     "width": 1e-3 * _WIDTH,
     "thickness": 1e-3 * _THICKNESS,
     "density": _DENSITY,
     "elastic_modulus": 1e9 * _MODULUS,
 }
-OPTIMUM_FREQUENCIES = tables_09_10.PRINTED["optimum"]
+OPTIMUM_FREQUENCIES = tables_09_10.OPTIMUM
 
 
 def standard_beam() -> Beam:

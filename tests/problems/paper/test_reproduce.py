@@ -192,7 +192,7 @@ def test_the_command_prints_what_it_writes(small_study, monkeypatch, capsys):
     assert main(["run", "small.toml", "--out", "results", "--quick", "--jobs", "1"]) == 0
     *text, last = capsys.readouterr().out.splitlines()
     assert (folder.parent / last).samefile(small_study.page)
-    assert any(line.startswith("Table 2. ") for line in text)
+    assert any(line.startswith("Table 1. ") for line in text)
 
 
 @pytest.mark.slow

@@ -98,9 +98,12 @@ def test_the_command_prints_the_errors_and_the_best_list(study, capsys, tmp_path
     assert data["standard_errors"] == pytest.approx(found.errors_of(best))
     report = run_study(study(SAG, TONES), tmp_path / "results", quick=True)
     assert report.results["plan"] == data
-    (table,) = report.steps[-1].tables
-    assert [row[0] for row in table.rows] == ["sag", "tones", "all together", "best list"]
-    assert "Best list within the budget 4 for D: " in table.notes[0]
+    table, best_list = report.steps[-1].tables
+    assert [row[0] for row in table.rows] == ["sag", "tones", "all together"]
+    assert best_list.title == f"best list within the budget 4 for D: {listed}"
+    assert [tuple(row[:3]) for row in best_list.rows] == [
+        (name, found.units[name], pytest.approx(error)) for name, error in found.errors_of(best).items()
+    ]
 
 
 @pytest.mark.parametrize(("tables", "message"), [

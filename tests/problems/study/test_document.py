@@ -10,8 +10,9 @@ from pathlib import Path
 
 import pytest
 
+from ancf_casadi.support.figures import PAGE_WIDTH
 from ancf_casadi.support.tables import Table
-from problems.study.drawing import FIGURE_WIDTH, STYLE
+from problems.study.drawing import STYLE
 from problems.study.formatting import numeric_table
 from problems.study.results import _numeric, file_name, inline_svg, label_findings
 from problems.study.results import page as document
@@ -188,15 +189,16 @@ class TestPage:
 
     def test_prints_two_figures_on_a_page(self, page, small_paper):
         """Of US letter, beside their captions, with letters of 7 points or more; one law for all modes fills a page."""
-        heights = {
-            figure.name: float(re.search(r'height="([\d.]+)pt"', figure.svg)[1]) / 72
-            for step in small_paper.steps
-            for figure in step.figures
+        figures = [figure for step in small_paper.steps for figure in step.figures]
+        sizes = {
+            figure.name: re.search(r'width="([\d.]+)pt" height="([\d.]+)pt"', figure.svg).groups()
+            for figure in figures
             if "against its amplitude" not in figure.caption
         }
-        scale = float(re.search(r"minmax\(0, ([\d.]+)in\)", page.source)[1]) / FIGURE_WIDTH
-        assert scale * STYLE["legend.fontsize"] >= 7.0
-        assert {label: height for label, height in heights.items() if 2 * scale * height > 9.6} == {}
+        scale = float(re.search(r"minmax\(0, ([\d.]+)in\)", page.source)[1]) / PAGE_WIDTH
+        assert scale * min(STYLE["legend.fontsize"], 0.833 * STYLE["font.size"]) >= 7.0
+        assert {label for label, (_, height) in sizes.items() if 2 * scale * float(height) > 72 * 9.6} == set()
+        assert {width for width, _ in sizes.values()} == {f"{72 * PAGE_WIDTH:.1f}"}
 
     def test_prints_black_on_white(self, page):
         """Also where the screen is dark: the rules for print follow those for dark screens."""
@@ -309,7 +311,8 @@ def test_names_inside_a_figure_become_its_own():
         '<use xlink:href="#p1" style="stroke: #009e73"/><text style="fill:#000000">black #222222</text></g></svg>'
     )
     found = inline_svg(svg, "figure_05", 'a "b" <c>')
-    assert found.startswith('<svg role="img" aria-label="a &quot;b&quot; &lt;c&gt;" style="aspect-ratio: 10.5 / 20"')
+    style = "aspect-ratio: 10.5 / 20; min-width: 7.875px"
+    assert found.startswith(f'<svg role="img" aria-label="a &quot;b&quot; &lt;c&gt;" style="{style}"')
     assert 'id="figure_05-p1"' in found
     assert "url(#figure_05-p1)" in found
     assert 'xlink:href="#figure_05-p1"' in found

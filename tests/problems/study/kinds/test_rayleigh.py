@@ -12,7 +12,7 @@ from problems.study.formatting import formatted_table
 from problems.study.reading import read_study
 from problems.study.step import Finding
 from problems.study.study import run_study
-from tests.problems.conftest import DECAYS, RAYLEIGH
+from tests.problems.conftest import DECAYS, RAYLEIGH, without_times
 from tests.problems.paper import numbers as paper
 
 
@@ -48,7 +48,8 @@ def test_errors_come_from_the_identified_decays(study_file):
     ]
     by_hand = finding(study_file, RAYLEIGH, "ratio_std = [1e-4, 2e-4]\n").data
     text = f'{RAYLEIGH}identified_by = "decays"\n'
-    assert finding(study_file, DECAYS, text, decays=Finding([*rows, rows[0]])).data == by_hand
+    identified = finding(study_file, DECAYS, text, decays=Finding([*rows, rows[0]])).data
+    assert without_times(identified) == without_times(by_hand)
     unknown = [{**rows[0], "damping_ratio_stderr": None}, rows[1]]
     assert finding(study_file, DECAYS, text, decays=Finding(unknown)).data["alpha_stderr"] is None
 
@@ -84,4 +85,4 @@ def test_a_study_of_two_numbers_is_a_document(study_file, tmp_path):
     report = run_study(study_file(RAYLEIGH), tmp_path / "results")
     assert report.results["rayleigh"]["alpha"] == pytest.approx(0.228181, abs=5e-7)
     (figure,) = report.steps[0].figures
-    assert figure.svg.count("fitted modes") == 1
+    assert figure.svg.count("measured") == figure.svg.count("mass, α/(2 ω)") == 1

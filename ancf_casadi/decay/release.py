@@ -114,8 +114,8 @@ def find_release(time: Array, measured: Array, release_time: float | None = None
     if gap > GAP * step:
         reason = reason if takes else "the end of a gap"
         notes.append(
-            f"a gap of {gap:.3g} s hides the release or follows it closely; the decay is fitted from the end of the gap, "
-            f"{t[begin]:g} s"
+            f"a gap of {gap:.3g} s hides the release or follows it closely; the decay is fitted from the end of the "
+            f"gap, {t[begin]:g} s"
         )
     return Release(before + begin, reason, frequency, tuple(notes))
 

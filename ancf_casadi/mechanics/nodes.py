@@ -56,7 +56,7 @@ class Nodes(Displayed):
         """Number of nodal coordinates, 4 (n + 1 + root)."""
         return NODE * (self.beam.elements + 1 + self.root)
 
-    @property
+    @cached_property
     def freedoms(self) -> int:
         """Number of free coordinates q."""
         return int(self.free_of.max()) + 1

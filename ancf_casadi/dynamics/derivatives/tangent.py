@@ -210,7 +210,7 @@ class Tangent:
         jacobian = cs.horzcat(*(cs.jacobian(forces, x) for x in (q, v, excitation, p)))
         return cs.Function("force_jacobian", [q, v, a, excitation, p], [jacobian])
 
-    @property
+    @cached_property
     def bandwidth(self) -> int:
         """Number of diagonals of G on either side of the main one."""
         return min(2 * STAGES * NODE - 1, STAGES * self._free - 1)

@@ -31,7 +31,7 @@ from ancf_casadi.support.compilation import Buffered, evaluate_dense
 NEWTON_RATIO = 0.001  # relative to the tolerance of the step; with a larger one, the errors of many steps add up
 ERROR_ORDER = 4  # of the error estimate in the step length
 NEWTON_ITERATIONS = 10  # k_max
-STEADY = 3e-3  # contraction of Newton's method below which matrices may be kept
+STEADY = 1e-3  # contraction of Newton's method below which matrices may be kept
 KEEP = (0.85, 1.25)  # factors of the length in this range are not applied, so that the matrices can be kept
 SAFETY = 0.9
 GROWTH = (0.2, 5.0)  # smallest and largest factor of the length

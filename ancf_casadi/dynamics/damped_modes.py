@@ -26,7 +26,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
 from types import NoneType
 from typing import Any, Literal
 
@@ -46,6 +45,7 @@ from ancf_casadi.support.arrays import Array, ComplexArray
 from ancf_casadi.support.banded import BandedFactors, sparse
 from ancf_casadi.support.inputs import check_instance, instances, positive, whole
 from ancf_casadi.support.interrupts import lasting_interrupts
+from ancf_casadi.support.last_calls import keep_last
 from ancf_casadi.support.tables import Displayed, Reported, Table, plural
 from ancf_casadi.vibration.assembly import BANDWIDTH
 from ancf_casadi.vibration.eigensolver import eigenvalue_rounding, eigenvalue_shift
@@ -305,7 +305,7 @@ def _largest(inverse: Callable[[Array], Array], size: int, count: int) -> tuple[
     return values, vectors
 
 
-@lru_cache(maxsize=8)
+@keep_last(8)
 def damping_at_rest(model: Model, law: DampingLaw) -> cs.Function:
     """(e) -> D at rest without its low-rank part, of all and of the free coordinates, and d of the low-rank part."""
     equations, e = Equations(model, law), cs.MX.sym("e", model.size)

@@ -27,7 +27,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from functools import cached_property
 from typing import Any
 
 import casadi as cs
@@ -41,6 +41,7 @@ from ancf_casadi.mechanics.loads import PointLoad
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.mechanics.nodes import NODE
 from ancf_casadi.support.arrays import Array, Layout
+from ancf_casadi.support.last_calls import keep_last
 
 ELEMENTS_PER_CALL = 10  # elements per call of a compiled Function
 
@@ -205,7 +206,7 @@ class Equations:
         return np.array([self.model.of_free(rotate_pairs(B, axis, along).full()) for along in ((1.0, 0.0), (0.0, 1.0))])
 
 
-@lru_cache(8)
+@keep_last(8)
 def shared_equations(model: Model, law: DampingLaw, make: Make, place: PointLoad | None = TIP) -> Equations:
     """Return the equations of motion, those of an earlier call for an equal beam if there was one."""
     return Equations(model, law, make, place)

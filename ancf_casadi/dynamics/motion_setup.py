@@ -15,7 +15,7 @@ from ancf_casadi.dynamics.base_motion import BaseMotion
 from ancf_casadi.dynamics.equations import Equations, Make, as_they_are, shared_equations
 from ancf_casadi.dynamics.excitation import SAME_TIME, Excitation, excitation_pieces
 from ancf_casadi.dynamics.placed_load import TIP
-from ancf_casadi.dynamics.start import Start, base_of_start, initial_state
+from ancf_casadi.dynamics.start import AT_REST, Start, base_of_start, initial_state
 from ancf_casadi.dynamics.tip_load import TipLoad
 from ancf_casadi.dynamics.tolerance import checked_excitation, expected_travel
 from ancf_casadi.exceptions import InputError
@@ -89,7 +89,7 @@ def set_up(
         pieces=pieces,
         checked=checked_excitation(model, pieces),
         start=initial_state(model, pieces[0], start, place, law.loads(model.beam)),
-        from_rest=start == "equilibrium" or start == "impact",
+        from_rest=start in AT_REST,
         sample_rate=sample_rate,
         times=times,
     )

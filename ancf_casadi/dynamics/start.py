@@ -35,6 +35,7 @@ from ancf_casadi.support.inputs import is_choice, shown
 from ancf_casadi.vibration.equilibrium import Equilibrium
 
 Start = Literal["equilibrium", "straight", "impact"]
+AT_REST = ("equilibrium", "impact")  # starts in the shape at rest
 
 ROUNDED_STRAIN = 1e-12  # strain that rounding of the coordinates may cause
 START_TOLERANCE = 1e-6  # deviation of a state from its base, relative to length, unit slope and largest velocity

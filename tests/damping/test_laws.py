@@ -2,6 +2,7 @@
 
 import re
 import warnings
+from dataclasses import dataclass
 
 import casadi as cs
 import numpy as np
@@ -10,13 +11,17 @@ import scipy.linalg
 from scipy.optimize import least_squares
 
 from ancf_casadi import (
+    DampingLaw,
     FrictionDamping,
+    HarmonicBase,
     InputError,
     ModalDamping,
     Model,
+    Parameter,
     QuadraticDamping,
     RayleighDamping,
     State,
+    damped_modes,
     natural_modes,
     simulate,
 )
@@ -378,3 +383,29 @@ def test_coefficients_that_make_no_sense_are_refused_by_name(modes, make, messag
 def test_modes_of_another_mesh_are_refused(modes, hanging):
     with pytest.raises(InputError, match=r"^modes: belong to a beam with another number of elements$"):
         simulate(hanging, damping=ModalDamping(modes, RATIOS), duration=0.1)
+
+
+@dataclass
+class Resistance(DampingLaw):
+    """Mass-proportional damping as a user may write it: a class that can change, and so has no hash."""
+
+    alpha: float
+
+    @property
+    def parameters(self):
+        return (Parameter("alpha", self.alpha, "1/s", "mass-proportional damping"),)
+
+    def local_force(self, body, e, e_t, properties, parameters):
+        return parameters[0] * body.inertia_force(e_t, properties)
+
+    def damping_ratios(self, modes, amplitudes):
+        return self.alpha / (2 * modes.angular_frequencies)
+
+
+def test_a_law_without_a_hash_damps_a_motion_and_modes(paper_beam):
+    small = Model(paper_beam(4))
+    settings = {"base": HarmonicBase(amplitude=5e-3, frequency=1.85), "duration": 0.1, "sample_rate": 50.0}
+    runs = [simulate(small, damping=law, **settings) for law in (Resistance(2.0), RayleighDamping(alpha=2.0))]
+    np.testing.assert_allclose(runs[0].tip, runs[1].tip, rtol=0.0, atol=1e-12)
+    ratios = [damped_modes(small, law, count=2).damping_ratios for law in (Resistance(2.0), RayleighDamping(alpha=2.0))]
+    np.testing.assert_allclose(ratios[0], ratios[1], rtol=1e-9)

@@ -98,7 +98,7 @@ def test_functions_serve_all_numbers_of_a_law_and_a_beam_but_no_other_law_mesh_a
 
 
 def clear_caches():
-    shared_equations.cache_clear()
+    shared_equations.clear()
     first_equal.cache_clear()
 
 

@@ -84,10 +84,10 @@ def test_compiled_equations_give_the_motion_of_the_interpreted_ones_and_are_foun
     interpreted = simulate(model, **settings)
     assert not list(tmp_path.iterdir())
     monkeypatch.delenv("ANCF_CASADI_COMPILE", raising=False)
-    shared_equations.cache_clear()
+    shared_equations.clear()
     compiled = simulate(model, **settings)
     libraries = sorted(tmp_path.iterdir())
-    shared_equations.cache_clear()
+    shared_equations.clear()
     again = simulate(model, **settings)
     assert {library.suffix for library in libraries} == {".so"}
     assert sorted(tmp_path.iterdir()) == libraries
@@ -103,7 +103,7 @@ def test_a_compiler_that_does_not_work_is_done_without(paper_beam, monkeypatch, 
     monkeypatch.delenv("ANCF_CASADI_COMPILE", raising=False)
     monkeypatch.setenv("CC", "false")
     monkeypatch.setattr(compilation, "_failed", set())
-    shared_equations.cache_clear()
+    shared_equations.clear()
     with pytest.warns(UserWarning, match="false fails: exit code 1"):
         np.testing.assert_array_equal(simulate(Model(paper_beam(2)), **settings).tip, interpreted.tip)
 

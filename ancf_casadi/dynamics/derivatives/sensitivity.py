@@ -30,7 +30,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from functools import cached_property, lru_cache
+from functools import cached_property
 from typing import Any
 
 import casadi as cs
@@ -56,7 +56,15 @@ from ancf_casadi.dynamics.equations import Equations
 from ancf_casadi.dynamics.excitation import SAME_TIME, Excitation, excitation_pieces
 from ancf_casadi.dynamics.placed_load import LOAD_SIZE, TIP, equilibrium_under
 from ancf_casadi.dynamics.radau.stepper import RadauSteps, Stepper
-from ancf_casadi.dynamics.start import LOAD_NAMES, START_LOAD_NAMES, Start, check_clamp, initial_state, rigid_motion
+from ancf_casadi.dynamics.start import (
+    AT_REST,
+    LOAD_NAMES,
+    START_LOAD_NAMES,
+    Start,
+    check_clamp,
+    initial_state,
+    rigid_motion,
+)
 from ancf_casadi.dynamics.tip_load import TipLoad
 from ancf_casadi.exceptions import InputError, SimulationError
 from ancf_casadi.mechanics.loads import PointLoad
@@ -64,6 +72,7 @@ from ancf_casadi.mechanics.model import Model, model_with_properties
 from ancf_casadi.mechanics.nodes import NODE
 from ancf_casadi.mechanics.state import State
 from ancf_casadi.support.arrays import Array, Index, Layout
+from ancf_casadi.support.last_calls import keep_last
 from ancf_casadi.vibration.equilibrium import Equilibrium
 
 STILL_AIR = RayleighDamping()
@@ -267,7 +276,7 @@ class SensitivityProblem:
 
 def flowing(law: DampingLaw, model: Model, start: Start | Equilibrium | State) -> DampingLaw:
     """Return the law whose flow acts on a beam in a start at rest; if there is none, a law without a force."""
-    return law if start in ("equilibrium", "impact") and law.loads(model.beam) else STILL_AIR
+    return law if start in AT_REST and law.loads(model.beam) else STILL_AIR
 
 
 def held_start(
@@ -297,7 +306,7 @@ def held_start(
     return State(coordinates, velocities), np.block([[q_x, q_p, np.zeros_like(q_p)], [v_x, v_p, q_p]])
 
 
-@lru_cache(8)
+@keep_last(8)
 def start_jacobians(
     model: Model, place: PointLoad = TIP, law: DampingLaw = STILL_AIR
 ) -> tuple[cs.Function, cs.Function]:

@@ -38,6 +38,7 @@ from ancf_casadi.response.harmonic_balance.system import (
 )
 from ancf_casadi.support.arrays import Array, ComplexArray, Index
 from ancf_casadi.support.compilation import compile_together
+from ancf_casadi.support.last_calls import keep_last
 from ancf_casadi.vibration.statics import static_equilibrium
 
 GRAVITY_SIZE = 2  # first parameters of a beam, which do not vary
@@ -45,7 +46,7 @@ CACHED_SYSTEMS = 8  # systems whose Functions are kept
 STRAIGHT = 1e-9  # of the length of the beam, or of a direction
 
 
-@lru_cache(maxsize=CACHED_SYSTEMS)
+@keep_last(CACHED_SYSTEMS)
 def full_system(model: Model, law: DampingLaw, place: PointLoad = TIP) -> SecondOrderSystem:
     """Return the full beam under a damping law, with a load at a place, as a second-order system.
 
@@ -68,7 +69,7 @@ def _full_functions(model: Model, law: DampingLaw, place: PointLoad, samples: in
     return map_samples(_one_sample(model, law, place)[1], samples)
 
 
-@lru_cache(maxsize=CACHED_SYSTEMS)
+@keep_last(CACHED_SYSTEMS)
 def _one_sample(model: Model, law: DampingLaw, place: PointLoad) -> tuple[tuple[Index, Index], SampledFunctions]:
     """Return rows and columns of the entries of the matrices, and the Functions of one sample."""
     equations = Equations(model, law, compile_together, place)
@@ -123,7 +124,7 @@ def base_force(model: Model, law: DampingLaw, place: PointLoad) -> cs.Function:
     return cs.Function("base_force", symbols, [model.of_base(_full_motion(equations, symbols)[0])])
 
 
-@lru_cache(maxsize=CACHED_SYSTEMS)
+@keep_last(CACHED_SYSTEMS)
 def reduced_system(reduced: Reduction, place: PointLoad = TIP, *, tuned: bool = False) -> SecondOrderSystem:
     """Return a reduced model, with a load at a place, as a second-order system with gravity and the law as parameters.
 

@@ -79,7 +79,7 @@ def first_guess(record: Measurement, *, release_time: float | None = None) -> De
     best, *rivals = _candidates(t, y, swing)
     if not _has_periods(best, t):
         release, best = _find_heavy_damping(record, release)
-        t, y, rivals = record.time[release.index :] - record.time[release.index], record.values[release.index :], []
+        (t, y), rivals = _since(record, release.index), []
     _check_oscillation(t, y, best)
     c, s, offset, drift = best.linear.tolist()
     ω = math.hypot(best.ω_d, best.λ)
@@ -97,6 +97,11 @@ def first_guess(record: Measurement, *, release_time: float | None = None) -> De
     )
 
 
+def _since(record: Measurement, index: int) -> tuple[Array, Array]:
+    """Return times since a sample, s, and the values from there on."""
+    return record.time[index:] - record.time[index], record.values[index:]
+
+
 def _has_periods(oscillation: _Candidate, t: Array) -> bool:
     """Return whether times have enough periods to show that something oscillates."""
     return bool(oscillation.ω_d * t[-1] >= 2 * math.pi * MIN_PERIODS)
@@ -107,7 +112,7 @@ def _find_heavy_damping(record: Measurement, release: Release) -> tuple[Release,
 
     Raise an InputError if there is none, or if it neither has enough periods nor is over by the end of the record.
     """
-    t, y = record.time[release.index :] - record.time[release.index], record.values[release.index :]
+    t, y = _since(record, release.index)
     departure = 0 if release.reason == "given" else _first_departure(y)
     heavily_damped = _fit_heavy_damping(t[departure:] - t[departure], y[departure:])
     if heavily_damped is not None:
@@ -132,7 +137,7 @@ def _check_motion(y: Array, swing: Array, since: str) -> None:
 
 def with_rest_position(guess: DecayGuess, record: Measurement, rest: Rest) -> DecayGuess:
     """Return the guess about a rest position of a kind; a note says if it drifts though it is taken as constant."""
-    t, y = record.time[guess.release :] - record.time[guess.release], record.values[guess.release :]
+    t, y = _since(record, guess.release)
     ω_d, λ = guess.ω * math.sqrt(1 - guess.ζ**2), guess.ζ * guess.ω
     term_count = len(REST_TERMS[rest])
     rates = np.geomspace(1 / t[-1], guess.ω / (2 * math.pi), 8).tolist() if rest == "creep" else [0.0]

@@ -237,6 +237,7 @@ def comparison_figure(comparisons: Mapping[str, LawComparison[Any]]) -> Figure:
             by_law = dict(zip(comparison.names, values, strict=True))
             criteria[f"{label} {criterion}".strip()] = [by_law.get(name, math.nan) for name in names]
     if len(comparisons) == 1:
+        (comparison,) = comparisons.values()
         names = {f"{name}, {round(100 * share, 2):g} %": None for name, share in comparison.probabilities.items()}
     return drawing("ancf_casadi.figures.fits.criteria_figure")([*names], criteria)
 

@@ -74,7 +74,7 @@ class FitProblem:
 
     @property
     def closed_form(self) -> bool:
-        """Whether all blocks have residuals in closed form."""
+        """True if all blocks have residuals in closed form."""
         return all(block.closed_form for block in self.blocks)
 
     @property

@@ -1,4 +1,4 @@
-"""How far the elements of a mesh can bend, and how short they may be.
+"""Limits of a mesh: the largest bend and the least length of its elements.
 
 A cubic follows a bend of about half a radian.  In a bent beam, the lengths of the slopes at the nodes may alternate,
 which two axial Gauss points per element hardly resist: elements about as short as the beam is thick are unstable

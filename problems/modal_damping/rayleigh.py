@@ -257,10 +257,10 @@ def rayleigh_figure(fits: Mapping[str, RayleighFit]) -> Figure:
         colours = (COMPUTED, MEASURED) if not k else (f"C{k}", f"C{k}")
         ratios = rayleigh_ratio(frequencies, fit.alpha, fit.beta)
         axes.plot(frequencies, 100 * ratios, lw=1, color=colours[0], label=f"{label} fit".strip())
-        parts = {"mass, α/(2 ω)": (fit.alpha, 0.0, ":"), "stiffness, β ω/2": (0.0, fit.beta, "--")}
-        for name, (alpha, beta, dash) in parts.items() if len(fits) == 1 else ():
-            part = 100 * rayleigh_ratio(frequencies, alpha, beta)
-            axes.plot(frequencies, part, lw=1, ls=dash, color=COMPUTED, label=name)
+        terms = {"mass, α/(2 ω)": (fit.alpha, 0.0, ":"), "stiffness, β ω/2": (0.0, fit.beta, "--")}
+        for name, (alpha, beta, dash) in terms.items() if len(fits) == 1 else ():
+            ratios = rayleigh_ratio(frequencies, alpha, beta)
+            axes.plot(frequencies, 100 * ratios, lw=1, ls=dash, color=COMPUTED, label=name)
         errors = None if fit.ratio_std is None else 100 * np.array(fit.ratio_std)
         measured = 100 * np.array(fit.measured)
         axes.errorbar(fit.frequencies, measured, errors, fmt="o", color=colours[1], label=f"{label} measured".strip())

@@ -40,8 +40,8 @@ def frequency_matching(compute: Compute) -> Finding:
     match = match_standard_beam(compute)
     properties, frequencies = match.tables
     weightless = Model(STANDARD_BEAM.with_(gravity=(0.0, 0.0), density=PRINTED_DENSITY))
-    other = natural_modes(weightless, count=len(frequencies.rows)).frequencies.tolist()
+    of_weightless = natural_modes(weightless, count=len(frequencies.rows)).frequencies.tolist()
     columns = (*frequencies.columns[:3], WEIGHTLESS, *frequencies.columns[3:])
-    rows = [(*row[:3], frequency, *row[3:]) for row, frequency in zip(frequencies.rows, other, strict=True)]
+    rows = [(*row[:3], frequency, *row[3:]) for row, frequency in zip(frequencies.rows, of_weightless, strict=True)]
     match = replace(match, tables=(properties, replace(frequencies, columns=columns, rows=rows)))
     return match.beside_print({"mean": PROPERTIES}, {WEIGHTLESS: STANDARD, "matched": OPTIMUM})

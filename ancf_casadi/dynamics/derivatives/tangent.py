@@ -129,7 +129,7 @@ def samples_by_step(times: Array, instants: Array, *, first: bool) -> list[Index
 
     The ``first`` piece has its first instant too.
     """
-    begin, *ends = instants
+    begin, ends = instants[0], instants[1:]
     slack = SAME_TIME * (ends[-1] - begin)
     inside = np.flatnonzero((times <= ends[-1] + slack) & (times > (begin - slack if first else begin + slack)))
     owner = np.minimum(np.searchsorted(ends, times[inside] - slack), len(ends) - 1)

@@ -52,7 +52,7 @@ from ancf_casadi.dynamics.excitation import EXCITATION
 from ancf_casadi.dynamics.placed_load import load_force, load_on_element
 from ancf_casadi.dynamics.radau.elimination import BLOCK, LINK
 from ancf_casadi.dynamics.radau.link import VALUES
-from ancf_casadi.dynamics.radau.links import Links
+from ancf_casadi.dynamics.radau.links import Links, Projection
 from ancf_casadi.dynamics.radau.tableau import RADAU, STAGES
 from ancf_casadi.mechanics.element import Group
 from ancf_casadi.mechanics.nodes import NODE
@@ -213,6 +213,16 @@ class Collocation:
         """The groups of elements besides those of the beam, by number: what is attached to it."""
         return dict(enumerate(self.equations.model.groups[1:], start=1))
 
+    @property
+    def _base(self) -> cs.MX:
+        """Position, velocity and acceleration of the base at the stages, (12, 3)."""
+        base: cs.MX = self._symbols.excitations[: 3 * NODE, :]
+        return base
+
+    @property
+    def _projection(self) -> Projection:
+        return self._symbols.base_projection, self._symbols.projection
+
     @cached_property
     def _balance(self) -> Balance:
         """The terms of the equation of motion for the parameters of ``_symbols``."""
@@ -221,13 +231,12 @@ class Collocation:
     def _advance(self) -> list[cs.MX]:
         """Return Z minus T dW, turned forth, and turns, motion of the links and modal velocities at the stages."""
         s = self._symbols
-        base = s.excitations[: 3 * NODE, :]
-        projection = s.base_projection, s.projection
-        return self.links.advance(s.corrections, s.turns, s.increments, s.q, s.v, s.h, base, s.reference, projection)
+        step = s.corrections, s.turns, s.increments, s.q, s.v, s.h
+        return self.links.advance(*step, self._base, s.reference, self._projection)
 
     def _whole(self, motion: Sequence[cs.MX]) -> list[cs.MX]:
         """Return e, e_t and e_tt (4 n + 4, 3) at the stages from those of the links (24, links)."""
-        base = cs.vertsplit(self._symbols.excitations[: 3 * NODE, :], NODE)
+        base = cs.vertsplit(self._base, NODE)
         return [self.links.whole(node, of_links) for node, of_links in zip(base, motion, strict=True)]
 
     def _forces(self, motion: Sequence[cs.MX], all_nodes: Sequence[cs.MX]) -> tuple[cs.MX, cs.MX]:
@@ -268,8 +277,8 @@ class Collocation:
     def _solution(self, on_links: cs.MX, further: cs.MX, turns: cs.MX, modal: cs.MX) -> cs.MX:
         """Return the solution dW for forces on the links, on their second nodes, and on the modes."""
         s, links = self._symbols, self.links
-        base, projection = s.excitations[: 3 * NODE, :], (s.base_projection, s.projection)
-        return links.substitute(links.reduce(on_links, further, turns, s.outer, modal, base, projection), s.inner)
+        reduced = links.reduce(on_links, further, turns, s.outer, modal, self._base, self._projection)
+        return links.substitute(reduced, s.inner)
 
     @cached_property
     def _symbols(self) -> SimpleNamespace:

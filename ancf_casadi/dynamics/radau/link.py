@@ -74,8 +74,8 @@ def _advance(kind: Kind, modes: int) -> cs.Function:
     carried, h = cs.SX.sym("carried", sum(sizes)), cs.SX.sym("h")
     w, turns, z, q, v, reference, B = _columns(VALUES, VALUES, VALUES, NODE, NODE, NODE, NODE * modes)
     l, supports, base = _columns(1, 2 * BLOCK, 3 * VALUES)
-    parts = cs.vertsplit(carried, np.cumsum([0, *sizes]).tolist())
-    *corrections_before, of_motion, reference_before, modal_before = parts
+    offsets = np.cumsum([0, *sizes]).tolist()
+    *corrections_before, of_motion, reference_before, modal_before = cs.vertsplit(carried, offsets)
     before, turned_before = map(_of_stages, corrections_before)
     motion_before = cs.vertsplit(cs.reshape(of_motion, VALUES, STAGES), NODE)
     N, G = _support_matrices(supports)

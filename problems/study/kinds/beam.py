@@ -118,8 +118,8 @@ class ModesOfBeam(Step):
         finding = compute(modes_finding, self.beam_in(findings), self.modes, compute.formats)
         if errors := findings[self.beam].frequency_errors:
             (table,) = finding.tables
-            known = {"f_Hz": (*errors, *[None] * self.modes)[: self.modes]}
-            table = replace(table, title=f"{table.title} of the identified beam", errors=known)
+            column_errors = {"f_Hz": (*errors, *[None] * self.modes)[: self.modes]}
+            table = replace(table, title=f"{table.title} of the identified beam", errors=column_errors)
             finding = replace(finding, tables=(table,))
         return finding.beside_print({"f_Hz": self.printed.get("frequency")})
 

@@ -13,7 +13,7 @@ damped by gamma1 + 2 gamma2 |u| per length along the flow, and by gamma1 + gamma
 For the assumed shape of Eq. (21) alone, this gives Eq. (26), M e_tt + eta1 M e_t + eta2 M e_t |e_t| + K e = 0.
 
 A strip of width b that moves across its plane through air of density rho_air meets the drag 1/2 rho_air Cd b |v| v per
-length, which is gamma2 |v| v.  With mu = rho b h this gives
+length, which is gamma2 |v| v; so does a round rod of the diameter b.  With mu = rho b h of a strip this gives
 
     eta2 = 876/1183 rho_air Cd/(2 rho h).
 
@@ -48,7 +48,6 @@ from ancf_casadi.damping.law import (
 )
 from ancf_casadi.mechanics.beam import Beam
 from ancf_casadi.mechanics.loads import LineLoad
-from ancf_casadi.mechanics.section import masses_per_length
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.inputs import check_fields, check_instance, limited_vector, not_negative, positive
 from ancf_casadi.vibration.modes import Modes
@@ -109,7 +108,8 @@ class QuadraticDamping(DampingLaw):
         Parameters
         ----------
         drag_coefficient : float
-            Drag coefficient Cd of the section, for motion across its width; about 2 for a flat strip in steady flow.
+            Drag coefficient Cd of the section, for motion across its breadth; in steady flow about 2 for a flat strip,
+            and 1.2 for a cylinder at Reynolds numbers from 1e3 to 1e5.
         air_density : float
             Density of the air, kg/m^3.
         beam : Beam
@@ -120,7 +120,8 @@ class QuadraticDamping(DampingLaw):
         Raises
         ------
         InputError
-            If the drag coefficient is negative, the density is not positive, or a value is not finite.
+            If the drag coefficient is negative, the density is not positive, a value is not finite, or a section of
+            given stiffness states no breadth.
 
         Examples
         --------
@@ -135,9 +136,9 @@ class QuadraticDamping(DampingLaw):
         drag_coefficient = not_negative(drag_coefficient, "drag_coefficient")
         air_density = positive(air_density, "air_density")
         share = np.diff((ASSUMED_SHAPE**3).integ()(np.linspace(0.0, 1.0, beam.elements + 1)))
-        widths = share @ np.array(beam.width)
-        masses = share @ masses_per_length(beam.density, beam.sections)
-        return cls(eta2=float(drag_coefficient * air_density * widths / (2 * masses) / DRAG_CONSTANT), flow=flow)
+        breadths = share @ [section.breadth for section in beam.sections]
+        masses = share @ beam.mass_per_length
+        return cls(eta2=float(drag_coefficient * air_density * breadths / (2 * masses) / DRAG_CONSTANT), flow=flow)
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
@@ -162,7 +163,7 @@ class QuadraticDamping(DampingLaw):
         rate = self.eta1 + DRAG_CONSTANT * self.eta2 * math.hypot(*self.flow)
         if not (rate and any(self.flow)):
             return ()
-        masses = masses_per_length(beam.density, beam.sections)
+        masses = beam.mass_per_length
         marks = [*np.flatnonzero(np.diff(masses, prepend=0.0)).tolist(), beam.elements]
         ends, (x, y) = beam.node_points.tolist(), self.flow
         sizes = (rate * masses).tolist()

@@ -161,9 +161,10 @@ def values(signals: Sequence[Signal]) -> Array:
 def parameter_signals(equations: Equations) -> tuple[Signal, ...]:
     """Return the parameters p in order, with the values of the beam and the law."""
     described = [(f"gravity_{c}", "m/s2", f"acceleration of gravity, {c}") for c in "xy"]
-    for i in range(1, equations.model.beam.elements + 1):
+    for i, shape in enumerate(equations.model.beam.shapes, start=1):
+        where = f"element {i}" if shape.kind == "rectangle" else f"the equivalent rectangle of element {i}"
         described += [
-            (f"{name}_{i}", BEAM_UNITS[name].replace("^", ""), f"{name.replace('_', ' ')} of element {i}")
+            (f"{name}_{i}", BEAM_UNITS[name].replace("^", ""), f"{name.replace('_', ' ')} of {where}")
             for name in PROPERTIES
         ]
     described += [(parameter.name, parameter.unit, parameter.description) for parameter in equations.law.parameters]

@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure, SubFigure
 
 from ancf_casadi.mechanics.beam import Beam
-from ancf_casadi.mechanics.lumped import PROPERTIES
+from ancf_casadi.mechanics.lumped import COMBINED, PROPERTIES
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.figures import COMPUTED, MEASURED, PAGE_WIDTH, SERIES, literal_text
@@ -64,7 +64,7 @@ def _draw_properties(figure: SubFigure, initial_beam: Beam, matched_beam: Beam, 
     """
     edges = 1e3 * np.linspace(0.0, matched_beam.length, matched_beam.elements + 1)
     plots = figure.subplots(len(ranges), 1, sharex=True, squeeze=False).ravel()
-    for axes, name in zip(plots, (name for name in PROPERTIES if name in ranges), strict=True):
+    for axes, name in zip(plots, (name for name in (*PROPERTIES, *COMBINED) if name in ranges), strict=True):
         change = 100 * (np.array(getattr(matched_beam, name)) / np.array(getattr(initial_beam, name)) - 1)
         low, high = 100 * np.broadcast_to(ranges[name], (matched_beam.elements, 2)).T
         axes.fill_between(edges, np.append(low, low[-1]), np.append(high, high[-1]), step="post", color=COMPUTED,

@@ -5,6 +5,8 @@ width b (out of the plane) and thickness h (in the plane of motion), a density r
 
     area A = b h,    second moment I = b h^3 / 12,    mass per length mu = rho A.
 
+The width and the thickness of another section are those of the rectangle with the same A and I (``section``).
+
 The unloaded beam begins at the origin along ``axis`` and is straight, or bent to its natural curvature.  It is clamped
 at its beginning, or held by other supports, and carries masses, springs and dashpots (``supports``, ``attachments``).
 Where one of these is not at the end of an element, the nearest node moves there, and the nodes between spread evenly.
@@ -29,7 +31,7 @@ import numpy as np
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.attachments import Attachment
 from ancf_casadi.mechanics.lumped import PROPERTIES, Place, lumped_places, replace_lumped
-from ancf_casadi.mechanics.section import Section, check_elements
+from ancf_casadi.mechanics.section import RECTANGLE, Section, Shape, check_elements
 from ancf_casadi.mechanics.supports import Clamp, Support, snap_to_point
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.files import read_toml
@@ -66,7 +68,8 @@ class Beam(Displayed):
     length : float
         Length L, m.
     width, thickness : tuple of float
-        Section of each element, m.
+        Section of each element, m; if it is not a rectangle, those of the rectangle with the same area and second
+        moment of area.
     density : tuple of float
         Density of each element, kg/m^3.
     elastic_modulus : tuple of float
@@ -84,14 +87,18 @@ class Beam(Displayed):
         The supports, none for a free beam; by default a rigid clamp at the beginning.
     attachments : tuple of Attachment
         Masses, springs and dashpots.
+    section_shape : tuple of Shape
+        Kind and proportions of the section of each element, as ``uniform`` and ``with_`` set them; empty for
+        rectangles.
 
     Raises
     ------
     InputError
         If a value is not finite and positive (gravity, curvature, prestress: not finite), the axis is zero, the tuples
-        differ in length, there are fewer than 2 or more than 10000 elements, the mass or a stiffness of an element is
-        beyond the range of numbers, a support or attachment is not on the beam, two supports hold the same point, or
-        the supports and attachments are at more points than the beam has nodes.
+        differ in length, width and thickness do not fit a round section, there are fewer than 2 or more than 10000
+        elements, the mass or a stiffness of an element is beyond the range of numbers, a support or attachment is not
+        on the beam, two supports hold the same point, or the supports and attachments are at more points than the beam
+        has nodes.
 
     Examples
     --------
@@ -114,6 +121,7 @@ class Beam(Displayed):
     prestress: tuple[float, ...] = ()
     supports: tuple[Support, ...] = (Clamp(),)
     attachments: tuple[Attachment, ...] = ()
+    section_shape: tuple[Shape, ...] = ()
 
     def __post_init__(self) -> None:
         """Validate, and normalise the axis."""
@@ -132,6 +140,7 @@ class Beam(Displayed):
                 raise InputError(f"has {len(initial_values)} values for {self.elements} elements", name)
             check_size(initial_values or 0.0, name)
             object.__setattr__(self, name, initial_values if any(initial_values) else ())
+        self._check_shapes()
         kinds = {"supports": Support, "attachments": Attachment}
         items = {name: instances(getattr(self, name), name, kind, minimum=0) for name, kind in kinds.items()}
         points = np.array([0.0, self.length, *sorted(item.point for item in itertools.chain(*items.values()))])
@@ -146,10 +155,11 @@ class Beam(Displayed):
         cls,
         *,
         length: float,
-        width: float | Sequence[float],
-        thickness: float | Sequence[float],
-        density: float | Sequence[float],
-        elastic_modulus: float | Sequence[float],
+        width: float | Sequence[float] | None = None,
+        thickness: float | Sequence[float] | None = None,
+        density: float | Sequence[float] | None = None,
+        elastic_modulus: float | Sequence[float] | None = None,
+        section: Section | Sequence[Section] | None = None,
         elements: int,
         axis: tuple[float, float] = (0.0, -1.0),
         gravity: tuple[float, float] = (0.0, -9.81),
@@ -166,6 +176,9 @@ class Beam(Displayed):
         ----------
         width, thickness, density, elastic_modulus, natural_curvature, prestress : float or sequence of float
             As in ``Beam``, or one number for all elements.
+        section : Section or sequence of Section
+            In place of width and thickness, the section of each element, or of all; one of given stiffness also states
+            density and elastic modulus.
         elements : int
             Number of elements, at least 2.
         length, axis, gravity, supports, attachments
@@ -178,21 +191,31 @@ class Beam(Displayed):
         Raises
         ------
         InputError
-            As in ``Beam``; or if a sequence does not have ``elements`` values.
+            As in ``Beam``; or if a sequence does not have ``elements`` values, a property is missing or is given twice,
+            or only some of the sections are of given stiffness.
 
         Examples
         --------
-        >>> from ancf_casadi import Beam
+        >>> from ancf_casadi import Beam, Section
         >>> taper = Beam.uniform(length=0.3, width=0.02, thickness=(2e-3, 1.5e-3, 1e-3),
         ...                      density=1200.0, elastic_modulus=2e9, elements=3)
         >>> taper.thickness
         (0.002, 0.0015, 0.001)
         >>> taper.density
         (1200.0, 1200.0, 1200.0)
+        >>> Beam.uniform(length=0.3, section=Section.circle(2e-3), density=1200.0, elastic_modulus=2e9, elements=3)
+        Beam(0.3 m, 3 elements, Section(diameter=0.002))
         """
         elements = whole(elements, "elements", MINIMUM_ELEMENTS, MAXIMUM_ELEMENTS)
-        per_element = {"width": width, "thickness": thickness, "density": density, "elastic_modulus": elastic_modulus}
-        per_element |= {"natural_curvature": natural_curvature, "prestress": prestress}
+        values = (width, thickness, density, elastic_modulus)
+        per_element: dict[str, Any] = dict(zip(PROPERTIES, values, strict=True))
+        of_sections = {} if section is None else _section_values(section, elements)
+        for name, value in per_element.items():
+            if value is not None and name in of_sections:
+                raise InputError("follows from the section; give one or the other", name)
+            if value is None and name not in of_sections:
+                raise InputError("must be a finite number, got None; state it, or a section that does", name)
+        per_element |= {"natural_curvature": natural_curvature, "prestress": prestress, **of_sections}
         element_values: dict[str, Any] = {
             name: _per_element(value, elements, name) for name, value in per_element.items()
         }
@@ -209,7 +232,9 @@ class Beam(Displayed):
 
         Each support is a table ``[[beam.supports]]``, and each attachment a table ``[[beam.attachments]]``, whose key
         ``kind`` is clamp, pin, roller or guide, or mass, spring, rotational_spring or dashpot, and whose other keys are
-        the fields of its class.  A beam with ``supports = []`` is free.
+        the fields of its class.  A beam with ``supports = []`` is free.  A ``section`` is a table, or a list of them,
+        whose ``kind`` is rectangle, circle, tube or stiffness, and whose other keys are the arguments of ``Section``'s
+        method of this name.
 
         Raises
         ------
@@ -272,7 +297,38 @@ class Beam(Displayed):
     @property
     def sections(self) -> tuple[Section, ...]:
         """The section of each element."""
-        return tuple(Section(b, h) for b, h in zip(self.width, self.thickness, strict=True))
+        if not self.section_shape:
+            return tuple(Section(b, h) for b, h in zip(self.width, self.thickness, strict=True))
+        rows = zip(self.width, self.thickness, self.section_shape, self.elastic_modulus, self.density, strict=True)
+        return tuple(
+            Section(b, h, shape, modulus, rho) if shape.kind == "stiffness" else Section(b, h, shape)
+            for b, h, shape, modulus, rho in rows
+        )
+
+    @property
+    def shapes(self) -> tuple[Shape, ...]:
+        """Kind and proportions of the section of each element."""
+        return self.section_shape or (RECTANGLE,) * self.elements
+
+    @property
+    def diameter(self) -> tuple[float, ...]:
+        """Outer diameter of each element, m; an ``InputError`` if a section is not round."""
+        return tuple(section.diameter for section in self.sections)
+
+    @property
+    def bending_stiffness(self) -> Array:
+        """Bending stiffness E I of each element, (n,), N m^2."""
+        return np.array(self.elastic_modulus) * [section.second_moment for section in self.sections]
+
+    @property
+    def axial_stiffness(self) -> Array:
+        """Axial stiffness E A of each element, (n,), N."""
+        return np.array(self.elastic_modulus) * [section.area for section in self.sections]
+
+    @property
+    def mass_per_length(self) -> Array:
+        """Mass per length rho A of each element, (n,), kg/m."""
+        return np.array(self.density) * [section.area for section in self.sections]
 
     @property
     def mass(self) -> float:
@@ -303,7 +359,8 @@ class Beam(Displayed):
     def with_(self, **changes: Any) -> Beam:
         """Return a copy with some fields or lumped properties changed; a number applies to all elements.
 
-        A mass at the tip and the stiffness of a clamp may also be added.  What is at the tip stays there if the length
+        ``section`` changes the sections, and ``diameter`` the sizes of round ones, which keep their proportions.  A
+        mass at the tip and the stiffness of a clamp may also be added.  What is at the tip stays there if the length
         changes.
 
         Raises
@@ -323,6 +380,8 @@ class Beam(Displayed):
         (0.0, 0.001)
         """
         names = {field.name for field in fields(self)}
+        if "section" in changes or "diameter" in changes:
+            changes = self._with_sections(changes)
         lumped = {name: changes.pop(name) for name in list(changes) if name not in names}
         for name in changes.keys() & {*PROPERTIES, *INITIAL}:
             if not (name in INITIAL and is_sequence(changes[name]) and not len(changes[name])):
@@ -341,6 +400,23 @@ class Beam(Displayed):
             supports, attachments = replace_lumped(beam.length, beam.supports, beam.attachments, name, value)
             beam = replace(beam, supports=supports, attachments=attachments)
         return beam
+
+    def _with_sections(self, changes: dict[str, Any]) -> dict[str, Any]:
+        """Return changes with the properties of elements in place of sections or diameters."""
+        if "section" in changes:
+            values = _section_values(changes.pop("section"), self.elements)
+            for name in ("density", "elastic_modulus"):
+                if name not in {*values, *changes} and any(shape.kind == "stiffness" for shape in self.shapes):
+                    raise InputError("is that of a section of given stiffness; give that of the new section", name)
+        else:
+            _ = self.diameter  # check that the sections are round
+            diameters = _per_element(changes.pop("diameter"), self.elements, "diameter")
+            pairs = zip(diameters, self.section_shape, strict=True)
+            sections = [Section.of_diameter(positive(diameter, "diameter"), shape) for diameter, shape in pairs]
+            values = _section_values(sections, self.elements)
+        if twice := sorted(values.keys() & changes.keys()):
+            raise InputError("follows from the section; give one or the other", twice[0])
+        return changes | values
 
     def with_lumped(self, values: Mapping[str, float]) -> Beam:
         """Return a copy with other lumped properties; the ratios of curvatures and of prestresses stay the same."""
@@ -377,10 +453,24 @@ class Beam(Displayed):
                 "elements",
             )
 
+    def _check_shapes(self) -> None:
+        """Check the shapes of the sections; drop those of rectangles alone."""
+        shapes = instances(self.section_shape, "section_shape", Shape, minimum=0)
+        if len(shapes) not in (0, self.elements):
+            raise InputError(f"has {len(shapes)} values for {self.elements} elements", "section_shape")
+        object.__setattr__(self, "section_shape", shapes if {*shapes} - {RECTANGLE} else ())
+        for k, section in enumerate(self.sections if self.section_shape else (), start=1):
+            if section.shape.kind == "round" and not math.isclose(section.breadth, section.depth, rel_tol=SAME_POINT):
+                raise InputError(
+                    f"the section of element {k} is round, so width and thickness change together; change its diameter",
+                    "width, thickness",
+                )
+
     def _summary(self) -> str:
         wide, thick = (f"{1e3 * min(sizes):.4g}" for sizes in (self.width, self.thickness))
         varies = "" if len({*self.sections}) == 1 else " or more"
-        return f"{self.length:.4g} m, {plural(self.elements, 'element')}, {wide} x {thick} mm{varies}"
+        size = repr(self.sections[0]) if self.section_shape else f"{wide} x {thick} mm"
+        return f"{self.length:.4g} m, {plural(self.elements, 'element')}, {size}{varies}"
 
 
 @dataclass(frozen=True, repr=False)
@@ -393,7 +483,8 @@ class SplitBeam(Beam):
     def of(cls, beam: Beam) -> SplitBeam:
         """Return a beam on the finer mesh."""
         values = {field.name: getattr(beam, field.name) for field in fields(beam)}
-        repeated = {name: tuple(np.repeat(values[name], cls.parts).tolist()) for name in (*PROPERTIES, *INITIAL)}
+        names = (*PROPERTIES, *INITIAL, "section_shape")
+        repeated = {name: tuple(np.repeat(values[name], cls.parts).tolist()) for name in names}
         return cls(**(values | repeated))
 
     @cached_property
@@ -418,3 +509,15 @@ def _distinct_nodes(places: Sequence[float], n: int) -> list[int]:
     for k, place in enumerate(places):
         nodes.append(min(max(round(place), nodes[-1] + 1 if nodes else 1), n - len(places) + k))
     return nodes
+
+
+def _section_values(section: Any, elements: int) -> dict[str, Any]:
+    """Return the properties of elements that their sections state."""
+    sections = instances(_per_element(section, elements, "section"), "section", Section)
+    names = {"width": "width", "thickness": "thickness", "shape": "section_shape"}
+    stated = [section.elastic_modulus is not None for section in sections]
+    if any(stated):
+        if not all(stated):
+            raise InputError("some are of given stiffness and some are not; state the stiffnesses of all", "section")
+        names |= {name: name for name in ("density", "elastic_modulus")}
+    return {key: tuple(getattr(section, name) for section in sections) for name, key in names.items()}

@@ -9,13 +9,16 @@
     natural_curvature, prestress       the largest one of the elements, which keep their ratios, 1/m, Pa
 
 A second one of a name counts on along the beam: mass, mass_2.  ``spring_stiffness`` stands for all springs.
+
+A combined property changes others with it: the diameter of a round section its width and its thickness in proportion,
+the bending stiffness E I = E b h^3/12 the elastic modulus, the mass per length rho b h the density.
 """
 
 from __future__ import annotations
 
 import math
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Literal
 
@@ -24,11 +27,23 @@ from ancf_casadi.mechanics.attachments import Attachment, Dashpot, PointMass, Ro
 from ancf_casadi.mechanics.supports import Clamp, Support
 
 PROPERTIES = ("width", "thickness", "density", "elastic_modulus")
+COMBINED: Mapping[str, tuple[str, ...]] = {  # and the properties that change with each
+    "diameter": ("width", "thickness"),
+    "bending_stiffness": ("elastic_modulus",),
+    "mass_per_length": ("density",),
+}
+PROPERTY_POWERS: Mapping[str, Mapping[str, int]] = {  # in the combined property
+    "bending_stiffness": {"elastic_modulus": 1, "width": 1, "thickness": 3},
+    "mass_per_length": {"density": 1, "width": 1, "thickness": 1},
+}
 BEAM_UNITS = {
     "width": "m",
     "thickness": "m",
     "density": "kg/m^3",
     "elastic_modulus": "Pa",
+    "diameter": "m",
+    "bending_stiffness": "N m^2",
+    "mass_per_length": "kg/m",
     "tip_mass": "kg",
     "mass": "kg",
     "rotary_inertia": "kg m^2",
@@ -42,7 +57,7 @@ BEAM_UNITS = {
     "natural_curvature": "1/m",
     "prestress": "Pa",
 }
-LUMPED_KINDS = tuple(name for name in BEAM_UNITS if name not in PROPERTIES)
+LUMPED_KINDS = tuple(name for name in BEAM_UNITS if name not in (*PROPERTIES, *COMBINED))
 
 
 def lumped_kind(name: str) -> str:
@@ -54,6 +69,21 @@ def lumped_kind(name: str) -> str:
 def property_unit(name: str) -> str:
     """Return the SI unit of a property; a name may have elements in brackets, or a number."""
     return BEAM_UNITS[lumped_kind(name) or name.partition("[")[0]]
+
+
+def changed_properties(name: str) -> tuple[str, ...]:
+    """Return the properties that an unknown changes, without its elements; lumped ones keep their number."""
+    kind = name.partition("[")[0]
+    return COMBINED.get(kind, (kind,))
+
+
+def check_combined(names: Sequence[str]) -> None:
+    """Refuse a combined property beside another unknown that changes one of its factors."""
+    for name in sorted(set(names) & set(PROPERTY_POWERS)):
+        factors = set(PROPERTY_POWERS[name]) - set(COMBINED[name])
+        rivals = sorted({rival.partition("[")[0] for rival in names if factors & set(changed_properties(rival))})
+        if rivals:
+            raise InputError(f"{name} contains {', '.join(rivals)}; estimate one or the other", "unknowns")
 
 
 @dataclass(frozen=True)

@@ -38,7 +38,7 @@ from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.attachments import PointMass
 from ancf_casadi.mechanics.beam import INITIAL, Beam
 from ancf_casadi.mechanics.element import Element, Group, element
-from ancf_casadi.mechanics.lumped import PROPERTIES, lumped_kind
+from ancf_casadi.mechanics.lumped import PROPERTIES, changed_properties, lumped_kind
 from ancf_casadi.mechanics.nodes import NODE, Nodes
 from ancf_casadi.mechanics.point_elements import (
     dashpot,
@@ -296,10 +296,11 @@ def lumped_indices(beam: Beam, name: str) -> list[int]:
 
 
 def property_rows(beam: Beam, name: str, elements: slice = slice(None)) -> Index:
-    """Return the rows of a property, or of that of some elements, among all: P row by row, then the lumped ones."""
+    """Return the rows that a property of all or some elements changes: P row by row, then the lumped ones."""
     if lumped_kind(name):
         return len(PROPERTIES) * beam.elements + np.array(lumped_indices(beam, name), dtype=np.int64)
-    return PROPERTIES.index(name) * beam.elements + np.arange(beam.elements)[elements]
+    indices = np.arange(beam.elements)[elements]
+    return np.concatenate([PROPERTIES.index(row) * beam.elements + indices for row in changed_properties(name)])
 
 
 def lumped_value(beam: Beam, name: str) -> float:
@@ -341,6 +342,19 @@ def check_curvature(beam: Beam) -> None:
                 "free of force where the beam is without load, and would move with the curvature",
                 "natural_curvature",
             )
+
+
+def check_sections(beam: Beam, name: str, elements: slice = slice(None)) -> None:
+    """Refuse to estimate a property that sections of all or some elements do not have."""
+    kinds = {shape.kind for shape in beam.shapes[elements]}
+    kind = name.partition("[")[0]
+    if kind == "diameter" and kinds != {"round"}:
+        raise InputError("only circles and tubes have one; estimate width, thickness or bending_stiffness", name)
+    if "round" in kinds and kind in ("width", "thickness"):
+        raise InputError("changes with the diameter of a circle or a tube; estimate its diameter", name)
+    if "stiffness" in kinds and kind in PROPERTIES:
+        other = "mass_per_length" if kind == "density" else "bending_stiffness"
+        raise InputError(f"is not a property of a section of given stiffness; estimate its {other}", name)
 
 
 def _sparse_sum(values: cs.MX, entry_indices: Index, rows: Index, columns: Index, size: int, factors: Array) -> cs.MX:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from collections.abc import Sequence
 from typing import Annotated, Any, ClassVar
 
 from msgspec import UNSET, Meta, UnsetType
@@ -17,6 +18,7 @@ from ancf_casadi.mechanics.attachments import Attachment, Dashpot, PointMass, Ro
 from ancf_casadi.mechanics.beam import MAXIMUM_ELEMENTS, MINIMUM_ELEMENTS, Beam
 from ancf_casadi.mechanics.lumped import PROPERTIES
 from ancf_casadi.mechanics.model import Model
+from ancf_casadi.mechanics.section import Section, Shape
 from ancf_casadi.mechanics.strain import AxialStrain, Curvature, StrainMeasures
 from ancf_casadi.mechanics.supports import Clamp, Guide, Pin, Roller, Support
 from ancf_casadi.support.inputs import error_prefix
@@ -34,12 +36,12 @@ Points = Annotated[int, Meta(ge=1, le=9, description="Gauss points")]
 
 
 class LumpedSpec(Spec, frozen=True, tag_field="kind"):
-    """A support or attachment of the class that a key ``kind`` names; its other keys are the fields of this class."""
+    """A support, attachment or section of the named kind; its other keys are the arguments of ``described``."""
 
-    described: ClassVar[type]
+    described: ClassVar[Any]
 
     def object(self) -> Any:
-        """Return the support or attachment."""
+        """Return the support, attachment or section."""
         values = {name: math.inf if value is None else value for name, value in self.set_fields().items()}
         return self.described(**values)
 
@@ -122,6 +124,45 @@ class DashpotSpec(LumpedSpec, frozen=True, tag="dashpot"):
     coefficient: Annotated[AmountPair, Meta(description="along x and y, N s/m")]
 
 
+class RectangleSpec(LumpedSpec, frozen=True, tag="rectangle"):
+    """A rectangle."""
+
+    described = Section.rectangle
+
+    width: Annotated[Positive, Meta(description="out of the plane of motion, m")]
+    thickness: Annotated[Positive, Meta(description="in the plane of motion, m")]
+
+
+class CircleSpec(LumpedSpec, frozen=True, tag="circle"):
+    """A circle."""
+
+    described = Section.circle
+
+    diameter: Annotated[Positive, Meta(description="m")]
+
+
+class TubeSpec(LumpedSpec, frozen=True, tag="tube"):
+    """A tube."""
+
+    described = Section.tube
+
+    outer: Annotated[Positive, Meta(description="diameter, m")]
+    inner: Annotated[NotNegative, Meta(description="diameter, m")]
+
+
+class StiffnessSpec(LumpedSpec, frozen=True, tag="stiffness"):
+    """A section of given stiffness and mass."""
+
+    described = Section.stiffness
+
+    bending: Annotated[Positive, Meta(description="E I, N m^2")]
+    axial: Annotated[Positive, Meta(description="E A, N")]
+    mass_per_length: Annotated[Positive, Meta(description="kg/m")]
+    depth: Annotated[Positive | UnsetType, Meta(description="in the plane of motion, m")] = UNSET
+    breadth: Annotated[Positive | UnsetType, Meta(description="out of the plane of motion, m; else the depth")] = UNSET
+
+
+SectionSpec = RectangleSpec | CircleSpec | TubeSpec | StiffnessSpec
 SupportSpec = ClampSpec | PinSpec | RollerSpec | GuideSpec
 AttachmentSpec = PointMassSpec | SpringSpec | RotationalSpringSpec | DashpotSpec
 
@@ -147,10 +188,17 @@ class BeamSpec(Spec, frozen=True):
     """A beam (m, kg/m^3, Pa, m/s^2, 1/m); a property is one number, or a list with one value per element."""
 
     length: Annotated[Positive, Meta(description="m")]
-    width: Annotated[PerElement, Meta(description="m")]
-    thickness: Annotated[PerElement, Meta(description="m")]
-    density: Annotated[PerElement, Meta(description="kg/m^3")]
-    elastic_modulus: Annotated[PerElement, Meta(description="Pa")]
+    width: Annotated[PerElement | UnsetType, Meta(description="m")] = UNSET
+    thickness: Annotated[PerElement | UnsetType, Meta(description="m")] = UNSET
+    density: Annotated[PerElement | UnsetType, Meta(description="kg/m^3")] = UNSET
+    elastic_modulus: Annotated[PerElement | UnsetType, Meta(description="Pa")] = UNSET
+    section: Annotated[
+        SectionSpec | Annotated[tuple[SectionSpec, ...], Meta(min_length=2)] | UnsetType,
+        Meta(description="in place of width and thickness; one of given stiffness states density and modulus too"),
+    ] = UNSET
+    section_shape: Annotated[
+        tuple[Shape, ...] | UnsetType, Meta(description="of a document: what width and thickness do not tell")
+    ] = UNSET
     elements: Elements | UnsetType = UNSET
     axis: Pair = (0.0, -1.0)
     gravity: Annotated[Pair, Meta(description="m/s^2")] = (0.0, -9.81)
@@ -165,8 +213,9 @@ class BeamSpec(Spec, frozen=True):
     def of(cls, beam: Beam) -> BeamSpec:
         """Return the specification of a beam, with one value per element."""
         fields = {field.name: getattr(beam, field.name) for field in dataclasses.fields(beam)}
-        if not beam.prestress:
-            del fields["prestress"]  # so that documents stay as they were
+        for name in ("prestress", "section_shape"):
+            if not fields[name]:
+                del fields[name]  # so that documents stay as they were
         for name in ("supports", "attachments"):
             fields[name] = tuple(map(lumped_spec, fields[name]))
         return convert(fields, cls)
@@ -174,13 +223,18 @@ class BeamSpec(Spec, frozen=True):
     def beam(self) -> Beam:
         """Return the beam; refuse values that make none."""
         arguments = _with_objects(self.set_fields())
-        lists = [arguments[name] for name in PROPERTIES if isinstance(arguments[name], tuple)]
+        if missing := [name for name in PROPERTIES if not {name, "section"} & arguments.keys()]:
+            raise InputError(f"the key '{missing[0]}' is missing")
+        if {"section", "section_shape"} <= arguments.keys():
+            raise InputError("follows from the section; give one or the other", "section_shape")
+        shapes = arguments.pop("section_shape", ())
+        lists = [arguments[name] for name in (*PROPERTIES, "section") if isinstance(arguments.get(name), tuple)]
         if "elements" not in arguments and not lists:
             raise InputError("the key 'elements' is missing")
         arguments.setdefault("elements", len(lists[0]) if lists else 0)
         if arguments["natural_curvature"] == ():
             arguments["natural_curvature"] = 0.0
-        return Beam.uniform(**arguments)
+        return Beam.uniform(**arguments).with_(**({"section_shape": shapes} if shapes else {}))
 
 
 class StrainMeasuresSpec(Spec, frozen=True):
@@ -209,12 +263,22 @@ def model_from(beam: BeamSpec, measures: StrainMeasuresSpec, where: str) -> Mode
 
 
 def _with_objects(arguments: dict[str, Any]) -> dict[str, Any]:
-    """Return arguments with supports and attachments in place of their specifications."""
+    """Return arguments with supports, attachments and sections in place of their specifications."""
     for name in ("supports", "attachments"):
-        objects = []
-        for k, spec in enumerate(arguments.get(name, ()), start=1):
-            with error_prefix(f"{name}: {k}"):
-                objects.append(spec.object())
         if name in arguments:
-            arguments[name] = tuple(objects)
+            arguments[name] = _objects(arguments[name], name)
+    if isinstance(section := arguments.get("section", ()), LumpedSpec):
+        with error_prefix("section"):
+            arguments["section"] = section.object()
+    elif section:
+        arguments["section"] = _objects(section, "section")
     return arguments
+
+
+def _objects(specs: Sequence[LumpedSpec], name: str) -> tuple[Any, ...]:
+    """Return the objects of specifications."""
+    objects = []
+    for k, spec in enumerate(specs, start=1):
+        with error_prefix(f"{name}: {k}"):
+            objects.append(spec.object())
+    return tuple(objects)

@@ -223,6 +223,8 @@ def beam_problem(
     tolerance = None if tolerance is None else positive(tolerance, "tolerance")
     law = damping or SumOfLaws(())
     wanted = _unknown_names(unknowns, motions, curves, values)
+    if unknowns is None and "stiffness" in {shape.kind for shape in model.beam.shapes}:
+        wanted = tuple("bending_stiffness" if name == "elastic_modulus" else name for name in wanted)
     all_records: Sequence[Any] = (*motions, *curves, *values)
     configurations = {
         id(configuration): configuration

@@ -1,5 +1,6 @@
 """Properties of a beam as unknowns: single properties, groups of elements, and combinations.
 
+    diameter             of circles and tubes, which keep their proportions: width and thickness of each element
     thickness            of all elements, by a common factor; the value is the mean over the elements
     thickness[3:5]       of the elements 3, 4 and 5, counted from 1; ``thickness[3]`` of one element
     bending_stiffness    E I = E b h^3/12, by the elastic modulus
@@ -18,33 +19,39 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
 from ancf_casadi.estimation.solver.unknown import Unknown
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.beam import Beam, SplitBeam
-from ancf_casadi.mechanics.lumped import BEAM_UNITS, PROPERTIES, lumped_kind
-from ancf_casadi.mechanics.model import Model, check_curvature, lumped_value, model_with_properties, property_rows
+from ancf_casadi.mechanics.lumped import (
+    BEAM_UNITS,
+    PROPERTIES,
+    check_combined,
+    lumped_kind,
+    property_unit,
+)
+from ancf_casadi.mechanics.model import (
+    Model,
+    check_curvature,
+    check_sections,
+    lumped_value,
+    model_with_properties,
+    property_rows,
+)
 from ancf_casadi.mechanics.supports import Clamp
 from ancf_casadi.support.arrays import Array, Index
 from ancf_casadi.vibration.assembly import structure_properties
 
 CLAMP_STIFFNESS = "clamp_stiffness"
-PROPERTY_POWERS: Mapping[str, Mapping[str, int]] = {
-    "bending_stiffness": {"elastic_modulus": 1, "width": 1, "thickness": 3},
-    "mass_per_length": {"density": 1, "width": 1, "thickness": 1},
-}
-CONSTANTS = {"bending_stiffness": 1 / 12}
-DRIVEN_BY = {"bending_stiffness": "elastic_modulus", "mass_per_length": "density"}
-PROPERTY_UNITS: Mapping[str, str] = {**BEAM_UNITS, "bending_stiffness": "N m^2", "mass_per_length": "kg/m"}
 CURVATURE = "natural_curvature"
 SIGNED = (CURVATURE, "prestress")  # of either sign
 # parts with strain energy of their own
 ELASTIC = (CLAMP_STIFFNESS, "rotational_spring", "spring_x", "spring_y", "spring_stiffness")
 STIFFNESSES = (CLAMP_STIFFNESS, "elastic_modulus", "bending_stiffness")
-GROUP = re.compile(rf"({'|'.join(PROPERTIES)})\[(\d+)(?::(\d+))?\]")
+GROUP = re.compile(rf"({'|'.join((*PROPERTIES, 'diameter'))})\[(\d+)(?::(\d+))?\]")
 
 FIXITY = 3.0  # stiffness of a beam whose far end is hinged against the turn of its near end, in units of E I/L
 MOST_FACTOR = 10.0  # factor on a property, either way, without other bounds
@@ -54,18 +61,7 @@ SAME_PROPERTY = 1e-9  # relative difference of properties that are the same
 
 def is_property(name: str) -> bool:
     """Return whether a name is that of a property, a group of elements, or a combination."""
-    return name in PROPERTY_UNITS or GROUP.fullmatch(name) is not None or bool(lumped_kind(name))
-
-
-def changed_property(name: str) -> str:
-    """Return the property that an unknown changes, without the elements; lumped ones keep their number."""
-    kind = name.partition("[")[0]
-    return DRIVEN_BY.get(kind, kind)
-
-
-def property_unit(name: str) -> str:
-    """Return the SI unit of a property."""
-    return PROPERTY_UNITS[lumped_kind(name) or name.partition("[")[0]]
+    return name in BEAM_UNITS or GROUP.fullmatch(name) is not None or bool(lumped_kind(name))
 
 
 def named_elements(name: str, beam: Beam) -> slice:
@@ -84,11 +80,10 @@ def property_value(beam: Beam, name: str) -> float:
     """Return a property or a combination of a beam, SI units; the mean over its elements, 0 of what it has not."""
     if lumped_kind(name):
         return lumped_value(beam, name)
-    kind = name.partition("[")[0]
-    powers = [
-        np.array(getattr(beam, factor)) ** power for factor, power in PROPERTY_POWERS.get(kind, {kind: 1}).items()
-    ]
-    return float(CONSTANTS.get(kind, 1.0) * np.mean(np.prod(powers, axis=0)[named_elements(name, beam)]))
+    kind, elements = name.partition("[")[0], named_elements(name, beam)
+    if kind == "diameter":
+        return float(np.mean([section.diameter for section in beam.sections[elements]]))
+    return float(np.mean(getattr(beam, kind)[elements]))
 
 
 def property_owners(beam: Beam, names: Sequence[str]) -> Index:
@@ -100,15 +95,14 @@ def property_owners(beam: Beam, names: Sequence[str]) -> Index:
         check_curvature(beam)
     owners = np.full(len(PROPERTIES) * beam.elements + len(beam.lumped), -1)
     for k, name in enumerate(names):
-        rows = property_rows(beam, changed_property(name), named_elements(name, beam))
+        elements = named_elements(name, beam)
+        check_sections(beam, name, elements)
+        rows = property_rows(beam, name, elements)
         if (owners[rows] >= 0).any():
             earlier = names[int(owners[rows].max())]
             raise InputError(f"{name} changes the same property as {earlier}; estimate one or the other", "unknowns")
         owners[rows] = k
-    for name in set(names) & set(PROPERTY_POWERS):
-        rivals = sorted(set(map(changed_property, names)) & set(PROPERTY_POWERS[name]) - {DRIVEN_BY[name]})
-        if rivals:
-            raise InputError(f"{name} contains {', '.join(rivals)}; estimate one or the other", "unknowns")
+    check_combined(names)
     return owners
 
 

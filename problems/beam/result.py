@@ -20,6 +20,7 @@ from ancf_casadi.estimation.determination import certainty
 from ancf_casadi.estimation.prediction import RecordPrediction
 from ancf_casadi.estimation.result import BlocksResult
 from ancf_casadi.exceptions import AncfError, InputError
+from ancf_casadi.mechanics.lumped import PROPERTY_POWERS, changed_properties, property_unit
 from ancf_casadi.mechanics.mesh_limits import bend_advice, bends_allowed
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.mechanics.state import State
@@ -33,12 +34,8 @@ from problems.beam.motions.marker_record import motion_record
 from problems.beam.motions.weights import ACCURATE
 from problems.beam.properties import (
     CLAMP_STIFFNESS,
-    PROPERTY_POWERS,
-    PROPERTY_UNITS,
     SAME_PROPERTY,
-    changed_property,
     property_owners,
-    property_unit,
     property_value,
     scaled_model,
     with_clamp_stiffness,
@@ -133,14 +130,14 @@ class BeamFit(BlocksResult):
     @property
     def combinations(self) -> dict[str, tuple[float, float]]:
         """Bending stiffness and mass per length with their standard errors, if an unknown changes them."""
-        changing, combinations = {changed_property(name) for name in self.first}, {}
+        combinations = {}
         for name, powers in PROPERTY_POWERS.items():
             exponents = {
-                unknown: powers[changed_property(unknown)]
+                unknown: sum(powers[changed] for changed in changed_properties(unknown))
                 for unknown in self.first
-                if "[" not in unknown and changed_property(unknown) in powers
+                if set(changed_properties(unknown)) <= set(powers)
             }
-            if name in self.first or not changing & set(powers) or len(exponents) < len(changing & set(powers)):
+            if name in self.first or not exponents or any("[" in unknown for unknown in exponents):
                 continue
 
             def ratio(*x: cs.MX, exponents: Mapping[str, int] = exponents) -> cs.MX:
@@ -338,7 +335,7 @@ class BeamFit(BlocksResult):
         notes = [
             *table.notes,
             *(
-                f"{name} {value:.5g} {PROPERTY_UNITS[name]}, standard error {error:.2g}"
+                f"{name} {value:.5g} {property_unit(name)}, standard error {error:.2g}"
                 for name, (value, error) in self.combinations.items()
             ),
             *(f"{name}: relative standard error {error:.2g}" for name, error in self._products),
@@ -369,7 +366,7 @@ class BeamFit(BlocksResult):
             "law": law_name(self.guess),
             "first": {name: {"value": value, "unit": property_unit(name)} for name, value in self.first.items()},
             "combinations": {
-                name: {"value": value, "unit": PROPERTY_UNITS[name], "standard_error": finite_or_none(error)}
+                name: {"value": value, "unit": property_unit(name), "standard_error": finite_or_none(error)}
                 for name, (value, error) in self.combinations.items()
             },
             "products": [{"product": name, "relative_error": finite_or_none(error)} for name, error in self._products],

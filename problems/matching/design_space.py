@@ -32,8 +32,15 @@ import scipy  # its packages are imported on first use
 from ancf_casadi.estimation.solver.least_squares import AT_BOUND
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.beam import Beam
-from ancf_casadi.mechanics.lumped import lumped_kind
-from ancf_casadi.mechanics.model import Model, check_curvature, lumped_value, model_with_properties, property_rows
+from ancf_casadi.mechanics.lumped import changed_properties, check_combined, lumped_kind
+from ancf_casadi.mechanics.model import (
+    Model,
+    check_curvature,
+    check_sections,
+    lumped_value,
+    model_with_properties,
+    property_rows,
+)
 from ancf_casadi.support.arrays import Array, Mask
 from ancf_casadi.support.inputs import check_instance, is_sequence, numbers, positive, shown
 from ancf_casadi.support.tables import Displayed
@@ -73,6 +80,11 @@ class DesignSpace:
                 raise InputError(f"{name} is given {names.count(name)} times; give it once", "unknowns")
             if lumped_kind(name) and not lumped_value(self.beam, name):
                 raise InputError(f"the beam has no {name} to change; give the beam a first value of it", "unknowns")
+            check_sections(self.beam, name)
+            for rival in names:
+                if rival != name and changed_properties(rival) == changed_properties(name):
+                    raise InputError(f"{name} changes the same property as {rival}; give one or the other", "unknowns")
+        check_combined(names)
         if "natural_curvature" in names:
             check_curvature(self.beam)
         if names.count("spring_stiffness") and {"spring_x", "spring_y"} & set(map(lumped_kind, names)):
@@ -140,7 +152,12 @@ class DesignSpace:
     @cached_property
     def given_values(self) -> Array:
         """Values in the given beam of the properties with a factor, (F,); the mean of those that change as a whole."""
-        values = [self.given_properties[property_rows(self.beam, unknown.name)] for unknown in self.unknowns]
+        values: list[Array] = [
+            self.given_properties[property_rows(self.beam, unknown.name)]
+            if lumped_kind(unknown.name)
+            else np.array(getattr(self.beam, unknown.name))
+            for unknown in self.unknowns
+        ]
         pairs = zip(self.unknowns, values, strict=True)
         return np.concatenate([[p.mean()] if isinstance(unknown, Global) else p for unknown, p in pairs])
 
@@ -154,8 +171,9 @@ class DesignSpace:
         """Derivatives of the properties by the unknowns, (4 n + lumped, N)."""
         directions, columns = np.zeros((len(self.given_properties), self.size)), iter(range(self.size))
         for unknown, shape in zip(self.unknowns, self.shapes, strict=True):
+            rows = property_rows(self.beam, unknown.name)
             for column in shape.T:
-                directions[property_rows(self.beam, unknown.name), next(columns)] = column
+                directions[rows, next(columns)] = np.resize(column, rows.size)
         return self.given_properties[:, None] * directions
 
     def changes(self, m: Array) -> Array:

@@ -23,7 +23,7 @@ from numpy.polynomial.legendre import legvander
 
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.beam import MAXIMUM_ELEMENTS
-from ancf_casadi.mechanics.lumped import LUMPED_KINDS, PROPERTIES, lumped_kind
+from ancf_casadi.mechanics.lumped import COMBINED, LUMPED_KINDS, PROPERTIES, lumped_kind
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.inputs import choice, positive, shown, whole
 from ancf_casadi.support.tables import Displayed
@@ -38,8 +38,8 @@ def check_bounds(bounds: float, where: str) -> float:
     raise InputError(f"must be {wanted}, got {shown(bounds)}", where)
 
 
-def _check(name: str, bounds: float | None, names: tuple[str, ...] = PROPERTIES) -> None:
-    choice(name, names, "unknowns")
+def _check(name: str, bounds: float | None, names: tuple[str, ...] = ()) -> None:
+    choice(name, (*PROPERTIES, *COMBINED, *names), "unknowns")
     if bounds is not None:
         check_bounds(bounds, f"unknowns: {name}: relative_bounds")
 
@@ -51,7 +51,8 @@ class Global(Displayed):
     Parameters
     ----------
     name : str
-        ``width``, ``thickness``, ``density`` or ``elastic_modulus``, or a lumped property of the beam, such as
+        ``width``, ``thickness``, ``density``, ``elastic_modulus``, ``diameter``, ``bending_stiffness`` (by the
+        modulus), ``mass_per_length`` (by the density), or a lumped property of the beam, such as
         ``tip_mass``, ``clamp_stiffness`` or ``spring_y`` (``Beam.lumped``).
     relative_bounds : float, optional
         Largest relative change, above 0 and at most 1; if not given, the ``bounds`` of ``match_frequencies``.
@@ -78,7 +79,7 @@ class Global(Displayed):
     def __post_init__(self) -> None:
         """Validate."""
         numbered = (self.name,) if lumped_kind(str(self.name)) else ()
-        _check(self.name, self.relative_bounds, (*PROPERTIES, *sorted(LUMPED_KINDS), *numbered))
+        _check(self.name, self.relative_bounds, (*sorted(LUMPED_KINDS), *numbered))
 
     def shape(self, elements: int) -> Array:
         """Return T of the only factor, (1, 1)."""
@@ -92,7 +93,7 @@ class PerElement(Displayed):
     Parameters
     ----------
     name : str
-        ``width``, ``thickness``, ``density`` or ``elastic_modulus``.
+        Of all elements, as in ``Global``.
     relative_bounds : float, optional
         Largest relative change of any element, above 0 and at most 1; if not given, that of ``match_frequencies``.
 
@@ -132,7 +133,7 @@ class Smooth(Displayed):
     Parameters
     ----------
     name : str
-        ``width``, ``thickness``, ``density`` or ``elastic_modulus``.
+        Of all elements, as in ``Global``.
     terms : int
         Number of Legendre polynomials, from 1 to the number of elements: 1 for a constant, 2 for a linear taper, and so
         on.

@@ -6,7 +6,7 @@ With coordinates e, velocities e_t and accelerations e_tt, a sensor at the arc l
     velocity            d . S e_t
     acceleration        d . (S e_tt - g)              g only for an accelerometer that responds to gravity
     slope               angle of S' e from the axis
-    surface strain      eps - z (kappa - kappa_0)     z along the normal, half the thickness if not given
+    surface strain      eps - z (kappa - kappa_0)     z along the normal, half the depth of the section if not given
     clamp force         d . sum of R over the nodes   R = M e_tt + Q_damp - Q_g - Q_tip
     clamp moment        sum of (r - r_0) x R_r + tau x R_tau over the nodes
 
@@ -118,8 +118,8 @@ class SampledMotion:
     def _strain(self, s: float, distance: float | None) -> cs.MX:
         """Return the strain on the surface, (1, s)."""
         model, at = self.model, partial(self._rows, vectors=self.e)
-        thickness = self.properties[1, model.element_at(s)]
-        z = thickness / 2 if distance is None else distance
+        k = model.element_at(s)
+        z = self.properties[1, k] * model.beam.shapes[k].extent("depth") / 2 if distance is None else distance
         axial = sum(weight * strain for weight, _, strain in neighbouring_axial_strains(model, s, at))
         bent = curvature_at(model, s, at)
         if model.beam.natural_curvature:

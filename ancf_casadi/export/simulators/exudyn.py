@@ -42,7 +42,6 @@ from ancf_casadi.export.simulators.settings import (
 from ancf_casadi.mechanics.attachments import PointMass
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.mechanics.nodes import NODE
-from ancf_casadi.mechanics.section import masses_per_length
 from ancf_casadi.mechanics.strain import StrainMeasures
 from ancf_casadi.mechanics.supports import Clamp
 from ancf_casadi.support.arrays import Array
@@ -115,7 +114,6 @@ def _template_values(modes: Modes, modal: Sequence[ModalDamping], amplitude: flo
     beam, start = model.beam, NODE * model.root
     inertia_force = modes.angular_frequencies[0] ** 2 * amplitude  # in mode 1, per mass and unit shape
     midpoints = (beam.node_points[:-1] + beam.node_points[1:]) / 2
-    modulus = np.array(beam.elastic_modulus)
     masses = [
         [
             (model.nodes_of(attachment.point)[0] - start) // NODE,
@@ -131,9 +129,9 @@ def _template_values(modes: Modes, modal: Sequence[ModalDamping], amplitude: flo
     return {
         "beam": beam,
         "masses": masses,
-        "density": masses_per_length(beam.density, beam.sections),
-        "bending": modulus * [s.second_moment for s in beam.sections],
-        "axial": modulus * [s.area for s in beam.sections],
+        "density": beam.mass_per_length,
+        "bending": beam.bending_stiffness,
+        "axial": beam.axial_stiffness,
         "curvature": np.array(beam.natural_curvature or np.zeros(beam.elements)),
         "straight": np.column_stack(
             [np.outer(beam.node_points, beam.axis), np.tile(beam.axis, (beam.elements + 1, 1))]

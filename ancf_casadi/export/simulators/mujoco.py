@@ -1,7 +1,8 @@
 """The beam as MJCF, the model file of MuJoCo: a chain of bodies with hinges, stiffness and damping.
 
     joints          a spring k_j and a damper beta k_j, no armature: the segments have all of the inertia
-    bodies          the mass and the inertia of a segment, whose equivalent box is its part of the beam
+    bodies          the mass and the inertia of a segment, whose equivalent box is its part of the beam; round ones are
+                    shown as cylinders, and the air acts on the box with the same inertia
     viscosity       damping of mass: 6 pi v r per body, r the mean of the half sides of its box, 8 pi v r^3 for turns
     density         drag: rho/2 per area of the box and speed squared, separately for each direction of the box
     integrator      implicitfast: steps that are explicit in stiffness and implicit in damping

@@ -37,7 +37,6 @@ import scipy.linalg
 from ancf_casadi.exceptions import EquilibriumError, InputError
 from ancf_casadi.mechanics.attachments import PointMass
 from ancf_casadi.mechanics.beam import Beam
-from ancf_casadi.mechanics.section import masses_per_length
 from ancf_casadi.mechanics.supports import Clamp, Pin
 from ancf_casadi.support.arrays import Array, Index
 
@@ -56,8 +55,9 @@ class SegmentedBeam:
     masses: Array
     centres: Array  # distance of the centre of mass from the joint, m
     inertias: Array  # about the centre, kg m^2
-    widths: Array
+    widths: Array  # of boxes with the inertia of a segment about its three axes
     thicknesses: Array
+    diameters: Array  # of round segments; 0 for boxes
     stiffness: Array  # of the joints, N m/rad
     natural_angles: Array  # of the joints without moment, rad
     point_masses: Sequence[tuple[int, float, PointMass]]  # with segment (from 0) and distance from its joint, m
@@ -98,9 +98,8 @@ def divide_beam(beam: Beam, count: int) -> SegmentedBeam:
     support = check_support(beam)
     length, ends = beam.length / count, np.linspace(0.0, beam.length, count + 1)
     cells = np.concatenate([[0.0, CLAMP_JOINT_SHARE], np.arange(1.5, count)]) * length
-    sections, nodes = beam.sections, beam.node_points
-    rigidity = np.array([e * s.second_moment for e, s in zip(beam.elastic_modulus, sections, strict=True)])
-    compliance = _integrals(1 / rigidity, nodes, cells)
+    nodes = beam.node_points
+    compliance = _integrals(1 / beam.bending_stiffness, nodes, cells)
     if isinstance(support, Clamp) and math.isfinite(support.stiffness):
         compliance[0] += 1 / support.stiffness
     stiffness = 1 / compliance
@@ -109,7 +108,7 @@ def divide_beam(beam: Beam, count: int) -> SegmentedBeam:
     breakpoints = np.union1d(ends, nodes)
     pieces, middles = np.diff(breakpoints), (breakpoints[:-1] + breakpoints[1:]) / 2
     owners: Index = np.minimum((middles / length).astype(np.int64), count - 1)
-    density = masses_per_length(beam.density, sections)
+    density = beam.mass_per_length
     elements = np.clip(np.searchsorted(nodes, middles) - 1, 0, beam.elements - 1)
     mass = density[elements] * pieces
     masses: Array = np.bincount(owners, mass).astype(np.float64)
@@ -121,6 +120,10 @@ def divide_beam(beam: Beam, count: int) -> SegmentedBeam:
             raise InputError(f"a {type(attachment).__name__} cannot be written; only point masses can", "attachments")
         segment = min(int(attachment.point / length), count - 1)
         point_masses.append((segment, attachment.point - segment * length, attachment))
+    thicknesses, sections = np.array(beam.thickness), beam.sections
+    is_round = np.array([section.shape.kind == "round" for section in sections])
+    diameters = np.array([section.depth if section.shape.kind == "round" else 0.0 for section in sections])
+    all_round = _integrals(1.0 * ~is_round, nodes, ends) == 0.0
     curvature = np.array(beam.natural_curvature or [0.0] * beam.elements)
     return SegmentedBeam(
         origin=support.displacement,
@@ -130,8 +133,9 @@ def divide_beam(beam: Beam, count: int) -> SegmentedBeam:
         masses=masses,
         centres=centres - ends[:-1],
         inertias=inertias,
-        widths=_integrals(np.array(beam.width), nodes, ends) / length,
-        thicknesses=_integrals(np.array(beam.thickness), nodes, ends) / length,
+        widths=_integrals(np.where(is_round, thicknesses, beam.width), nodes, ends) / length,
+        thicknesses=_integrals(thicknesses, nodes, ends) / length,
+        diameters=all_round * _integrals(diameters, nodes, ends) / length,
         stiffness=stiffness,
         natural_angles=_integrals(curvature, nodes, cells),
         point_masses=point_masses,

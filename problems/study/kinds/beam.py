@@ -14,7 +14,7 @@ from ancf_casadi.exceptions import FitError, InputError
 from ancf_casadi.export.identification import Identification
 from ancf_casadi.export.model_document import Document
 from ancf_casadi.mechanics.beam import Beam
-from ancf_casadi.mechanics.lumped import property_unit
+from ancf_casadi.mechanics.lumped import PROPERTIES, property_unit
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.mechanics.spec import BeamSpec
 from ancf_casadi.mechanics.supports import Clamp
@@ -31,9 +31,13 @@ from problems.study.compute import Compute
 from problems.study.formatting import shown
 from problems.study.step import NO_FINDING, Finding, Findings, Printed, Step, Study, printed_numbers, study_table
 
-BEAM_ROWS = (("length", "mm", 1e3), ("width", "mm", 1e3), ("thickness", "mm", 1e3), ("density", "kg/m³", 1.0),
-        ("elastic_modulus", "GPa", 1e-9))  # fmt: skip
-ELEMENT_ROWS = BEAM_ROWS[1:]  # of each element, which a match may change
+LENGTH_ROW = ("length", "mm", 1e3)
+MATERIAL_ROWS = (("density", "kg/m³", 1.0), ("elastic_modulus", "GPa", 1e-9))
+ELEMENT_ROWS = {  # of each element, which a match may change, by the kind of the sections
+    "rectangle": (("width", "mm", 1e3), ("thickness", "mm", 1e3), *MATERIAL_ROWS),
+    "round": (("diameter", "mm", 1e3), *MATERIAL_ROWS),
+    "stiffness": (("bending_stiffness", "N m²", 1.0), ("axial_stiffness", "N", 1.0), ("mass_per_length", "kg/m", 1.0)),
+}
 
 
 @final
@@ -48,13 +52,14 @@ class BeamProperties(Step):
     printed: Annotated[
         Printed,
         Meta(
-            description="{value = [length (mm), width (mm), thickness (mm), density (kg/m^3), elastic modulus (GPa)]}"
+            description="{value = [length (mm), width (mm), thickness (mm), density (kg/m^3), elastic modulus (GPa)]}; "
+            "of other sections, the rows of the table"
         ),
     ] = field(default_factory=dict)
 
     def prepare(self, study: Study, where: str) -> Self:
         """Return the step with its printed numbers."""
-        return replace(self, printed=printed_numbers(self.printed, {"value": len(BEAM_ROWS)}, where))
+        return replace(self, printed=printed_numbers(self.printed, {"value": len(_beam_rows(study.model.beam))}, where))
 
     def finding(self, compute: Compute, findings: Findings) -> Finding:
         """Return the table of properties."""
@@ -63,19 +68,21 @@ class BeamProperties(Step):
 
 def properties_finding(beam: Beam, origin: Finding = NO_FINDING) -> Finding:
     """Return the table of properties of a beam; its origin, if it was identified, holds the guess and the errors."""
-    errors = origin.errors or {}
-    scaled = tuple(scale * errors.get(name, math.nan) for name, _, scale in BEAM_ROWS)
+    errors, rows = origin.errors or {}, _beam_rows(beam)
+    scaled = tuple(scale * errors.get(name, math.nan) for name, _, scale in rows)
     guess = origin.guess.beam() if origin.guess else None
     columns: dict[str, Sequence[Cell]] = {
-        "property": [name.replace("_", " ") for name, *_ in BEAM_ROWS],
-        "unit": [unit for _, unit, _ in BEAM_ROWS],
+        "property": [name.replace("_", " ") for name, *_ in rows],
+        "unit": [unit for _, unit, _ in rows],
         **({"guess": _means(guess)} if guess else {}),
         "value": _means(beam),
     }
-    varying = [name for name, *_ in ELEMENT_ROWS if np.ptp(getattr(beam, name)) > 0.0]
+    varying = [name for name, *_ in rows[1:] if np.ptp(getattr(beam, name)) > 0.0]
     notes = [f"{beam.elements} elements; axis {beam.axis}, gravity {beam.gravity} m/s²."]
     if varying:
         notes.append(f"Means over the elements: {', '.join(varying).replace('_', ' ')} vary along the beam.")
+    if beam.section_shape:
+        notes.append(f"Sections: {', '.join(map(repr, dict.fromkeys(beam.sections)))}.")
     for name, value in beam.lumped.items():
         scale, unit = (1e3, "g") if property_unit(name) == "kg" else (1.0, property_unit(name))
         error = scale * errors.get(name, math.nan)
@@ -87,7 +94,10 @@ def properties_finding(beam: Beam, origin: Finding = NO_FINDING) -> Finding:
     cells = zip(*columns.values(), strict=True)
     table = study_table(title, [*columns], cells, *notes, errors={"value": scaled} if errors else None)
     data = {
-        **{row: list(np.atleast_1d(getattr(beam, row)).astype(float)) for row, *_ in ELEMENT_ROWS},
+        **{
+            row: list(map(float, getattr(beam, row)))
+            for row in dict.fromkeys((*PROPERTIES, *(name for name, *_ in rows[1:])))
+        },
         "length": beam.length,
         "elements": beam.elements,
         "axis": list(beam.axis),
@@ -142,8 +152,14 @@ def _shapes(modes: Modes) -> Table:
 
 
 def _means(beam: Beam) -> tuple[float, ...]:
-    """Return the mean of each property in the order and the units of ``BEAM_ROWS``."""
-    return tuple(scale * float(np.mean(getattr(beam, name))) for name, _, scale in BEAM_ROWS)
+    """Return the mean of each property in the order and the units of its rows."""
+    return tuple(scale * float(np.mean(getattr(beam, name))) for name, _, scale in _beam_rows(beam))
+
+
+def _beam_rows(beam: Beam) -> tuple[tuple[str, str, float], ...]:
+    """Return name, unit and scale of the properties of a beam; of sections of several kinds, as of rectangles."""
+    kinds = {shape.kind for shape in beam.shapes}
+    return (LENGTH_ROW, *ELEMENT_ROWS[kinds.pop() if len(kinds) == 1 else "rectangle"])
 
 
 def match_finding(beam: Beam, table: MatchTable, file: StudyFile = NO_FILE, formats: tuple[str, ...] = ()) -> Finding:
@@ -201,7 +217,7 @@ class Match(Step):
         with error_prefix(study.file.where("match")):
             table.request()
         modes = len(table.targets)
-        columns = {"standard": modes, "optimum": modes, "value": len(ELEMENT_ROWS)}
+        columns = {"standard": modes, "optimum": modes, "value": len(_beam_rows(study.model.beam)) - 1}
         printed = printed_numbers(self.printed, columns, where)
         undamped = DampedBeam.of(study.file).undamped
         file = NO_FILE if undamped else study.file.only({"beam", "damping"})  # for the document of the matched beam
@@ -218,7 +234,7 @@ class Match(Step):
 def _mean_properties(beam: Beam, match: FrequencyMatch) -> Table:
     """Return mean and extremes along the beam of each property, beside the mean of the given beam."""
     rows = []
-    for name, unit, scale in ELEMENT_ROWS:
+    for name, unit, scale in _beam_rows(beam)[1:]:
         before, values = scale * float(np.mean(getattr(beam, name))), scale * np.array(getattr(match.beam, name))
         row = (before, float(values.mean()), float(values.min()), float(values.max()))
         rows.append((name.replace("_", " "), unit, *row))

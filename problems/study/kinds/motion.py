@@ -20,6 +20,7 @@ from ancf_casadi.dynamics.trajectory import Trajectory
 from ancf_casadi.exceptions import InputError, NumericsError
 from ancf_casadi.export.identification import Identification
 from ancf_casadi.export.model_document import Document
+from ancf_casadi.mechanics.lumped import changed_properties
 from ancf_casadi.mechanics.mesh_limits import bends_allowed
 from ancf_casadi.mechanics.spec import BeamSpec
 from ancf_casadi.support.inputs import error_prefix
@@ -27,7 +28,7 @@ from ancf_casadi.support.specs import Positive
 from ancf_casadi.support.tables import Table, finite_or_none, to_json
 from ancf_casadi.vibration.modes import natural_modes
 from problems.beam.fitting import compare_laws, fit_beam
-from problems.beam.properties import changed_property, property_value
+from problems.beam.properties import property_value
 from problems.beam.result import BeamFit
 from problems.beam.values.records import FrequencyRecord
 from problems.spec.file import StudyFile
@@ -162,15 +163,20 @@ def fit_finding(file: StudyFile, formats: tuple[str, ...]) -> Finding:
     return replace(
         finding,
         guess=BeamSpec.of(fit.given.beam),
-        errors={changed_property(name): _error(fit, name) for name in fit.first if "[" not in name},
+        errors={
+            changed: _error(fit, name, changed)
+            for name in fit.first
+            if "[" not in name
+            for changed in (name, *changed_properties(name))
+        },
         frequency_errors=tuple(errors.tolist()),
     )
 
 
-def _error(fit: BeamFit, name: str) -> float:
-    """Return the standard error of the property that an unknown changes, SI units; nan if unknown."""
+def _error(fit: BeamFit, name: str, changed: str) -> float:
+    """Return the standard error of a property that an unknown changes, SI units; nan if unknown."""
     relative = fit.standard_errors[name] / fit.estimates[name] if fit.estimates[name] else math.nan
-    return relative * property_value(fit.model.beam, changed_property(name))
+    return relative * property_value(fit.model.beam, changed)
 
 
 @final

@@ -179,7 +179,7 @@ class Section(Displayed):
         values = {"bending": bending, "axial": axial, "mass_per_length": mass_per_length}
         bending, axial, mass_per_length = (positive(value, name) for name, value in values.items())
         side = math.sqrt(12 * (bending / axial))
-        extents = {"breadth": depth if breadth is None else breadth, "depth": depth}
+        extents = {"depth": depth, "breadth": depth if breadth is None else breadth}
         ratios = {name: positive(size, name) / side for name, size in extents.items() if size is not None}
         return cls(side, side, Shape("stiffness", **ratios), axial / side**2, mass_per_length / side**2)
 

@@ -22,7 +22,16 @@ from ancf_casadi.mechanics.section import Section, Shape
 from ancf_casadi.mechanics.strain import AxialStrain, Curvature, StrainMeasures
 from ancf_casadi.mechanics.supports import Clamp, Guide, Pin, Roller, Support
 from ancf_casadi.support.inputs import error_prefix
-from ancf_casadi.support.specs import NotNegative, Pair, Positive, PositiveOrInfinite, Spec, convert, value_place
+from ancf_casadi.support.specs import (
+    UNLISTED,
+    NotNegative,
+    Pair,
+    Positive,
+    PositiveOrInfinite,
+    Spec,
+    convert,
+    value_place,
+)
 
 Point = Annotated[float, Meta(ge=0.0, description="m")]
 Displacement = Annotated[Pair, Meta(description="m")]
@@ -196,9 +205,7 @@ class BeamSpec(Spec, frozen=True):
         SectionSpec | Annotated[tuple[SectionSpec, ...], Meta(min_length=2)] | UnsetType,
         Meta(description="in place of width and thickness; one of given stiffness states density and modulus too"),
     ] = UNSET
-    section_shape: Annotated[
-        tuple[Shape, ...] | UnsetType, Meta(description="of a document: what width and thickness do not tell")
-    ] = UNSET
+    section_shape: Annotated[tuple[Shape, ...] | UnsetType, UNLISTED] = UNSET  # of a document
     elements: Elements | UnsetType = UNSET
     axis: Pair = (0.0, -1.0)
     gravity: Annotated[Pair, Meta(description="m/s^2")] = (0.0, -9.81)

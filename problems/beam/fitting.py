@@ -117,14 +117,15 @@ def fit_beam(
         The law; its parameters (``damping.parameters``) are the guesses.  None if there is no damping.
     unknowns : sequence of str, optional
         What else to estimate: properties, each by a factor common to all elements, or to those in brackets, as
-        ``thickness[1:5]``: ``width``, ``thickness``, ``density``, ``elastic_modulus``, ``bending_stiffness`` (E I, by
-        the modulus), ``mass_per_length`` (by the density); lumped properties, named as in ``Beam.lumped``:
-        ``tip_mass``, ``mass_2``, ``clamp_stiffness``, ``spring_y``, ``natural_curvature``, ``prestress`` and so on, of
-        which a name means the same part in all configurations that have it;
+        ``thickness[1:5]``: ``width``, ``thickness``, ``diameter``, ``density``, ``elastic_modulus``,
+        ``bending_stiffness`` (E I, by the modulus), ``mass_per_length`` (by the density); lumped properties, named as
+        in ``Beam.lumped``: ``tip_mass``, ``mass_2``, ``clamp_stiffness``, ``spring_y``, ``natural_curvature``,
+        ``prestress`` and so on, of which a name means the same part in all configurations that have it;
         ``natural_frequencies``; ``excitation`` (common) or ``excitations`` (one for each response curve);
         ``base_amplitude``; ``start_force_x``, ``start_force_y``, ``start_moment`` and their ``_rate``.  If not given,
-        natural frequencies for response curves alone, the elastic modulus for these together with others.  A rigid
-        clamp gets a stiffness of 10 E I/L as its first value.
+        natural frequencies for response curves alone, for these together with others the elastic modulus, or the
+        bending stiffness of sections of given stiffness.  A rigid clamp gets a stiffness of 10 E I/L as its first
+        value.
     fixed : sequence of str
         Parameters of the law to keep at their guesses.
     bounds : mapping, optional

@@ -6,12 +6,14 @@ import pickle
 import casadi as cs
 import numpy as np
 import pytest
+import scipy.linalg
 
 from ancf_casadi import (
     Beam,
     InputError,
     Model,
     PointLoad,
+    PointMass,
     QuadraticDamping,
     Section,
     Sensor,
@@ -117,7 +119,7 @@ def test_a_beam_keeps_the_sections_of_its_elements():
     assert [section.breadth for section in beam.sections] == pytest.approx([D, D, 4e-3, 5e-3], rel=1e-15)
     fine = SplitBeam.of(beam)
     assert fine.sections[::2] == fine.sections[1::2] == beam.sections
-    with pytest.raises(InputError, match="^diameter: only circles and tubes have one"):
+    with pytest.raises(InputError, match=r"^diameter: only circles and tubes have one"):
         _ = beam.diameter
 
 
@@ -164,7 +166,7 @@ def test_what_needs_an_unknown_extent_is_refused():
     with pytest.raises(InputError, match=r"^breadth: .* given stiffness; give Section.stiffness a depth or a breadth$"):
         QuadraticDamping.from_drag(1.2, 1.3, beam)
     model = Model(beam)
-    with pytest.raises(InputError, match="^depth: .* given stiffness; give Section.stiffness a depth$"):
+    with pytest.raises(InputError, match=r"^depth: .* given stiffness; give Section.stiffness a depth$"):
         gauge_reading(model, Sensor("strain", 0.05), static_equilibrium(model))
     sensor = Sensor("strain", 0.05, distance=1e-3)
     assert abs(gauge_reading(model, sensor, static_equilibrium(model))) < 1e-12
@@ -262,6 +264,36 @@ def test_an_unusable_section_in_toml_is_refused_in_one_line(tmp_path, lines, mes
     with pytest.raises(InputError, match=rf"beam\.toml: \[beam\]: {message}") as caught:
         read(tmp_path, lines + "elements = 4\n")
     assert "\n" not in str(caught.value)
+
+
+def test_a_wing_of_given_stiffnesses_and_lumped_masses_vibrates_like_cubic_elements_of_linear_theory():
+    """15 different elements and 16 masses, against matrices that are assembled here from the textbook."""
+    root, l = np.linspace(1.0, 0.2, 15), 1.2 / 15
+    bending, axial, line_mass = 30.0 * root**3, 4e6 * root, 0.6 * root
+    masses = [0.05, *np.linspace(0.04, 0.01, 15)]
+    sections = [Section.stiffness(*row) for row in zip(bending, axial, line_mass, strict=True)]
+    points = [PointMass(place, mass) for place, mass in zip(np.linspace(0.0, 1.2, 16), masses, strict=True)]
+    wing = Beam.uniform(length=1.2, section=sections, elements=15, attachments=points, **LYING)
+    K, M = np.zeros((32, 32)), np.diag(np.column_stack([masses, np.zeros(16)]).ravel())
+    for k in range(15):
+        rows = np.ix_(*[range(2 * k, 2 * k + 4)] * 2)
+        K[rows] += (
+            bending[k]
+            / l**3
+            * np.array(
+                [
+                    [12, 6 * l, -12, 6 * l],
+                    [6 * l, 4 * l**2, -6 * l, 2 * l**2],
+                    [-12, -6 * l, 12, -6 * l],
+                    [6 * l, 2 * l**2, -6 * l, 4 * l**2],
+                ]
+            )
+        )
+        M[rows] += line_mass[k] * l / 420 * np.array(
+            [[156, 22 * l, 54, -13 * l], [22 * l, 4 * l**2, 13 * l, -3 * l**2],
+             [54, 13 * l, 156, -22 * l], [-13 * l, -3 * l**2, -22 * l, 4 * l**2]])  # fmt: skip
+    exact = np.sqrt(scipy.linalg.eigh(K[2:, 2:], M[2:, 2:], eigvals_only=True)[:4]) / (2 * math.pi)
+    assert natural_modes(Model(wing), count=4).frequencies == pytest.approx(exact, rel=1e-6)
 
 
 def test_a_static_load_on_a_stepped_shaft_adds_up_the_parts():

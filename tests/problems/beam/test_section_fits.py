@@ -7,6 +7,7 @@ import pytest
 
 from ancf_casadi import (
     Beam,
+    HarmonicBase,
     InputError,
     Measurement,
     Model,
@@ -17,7 +18,8 @@ from ancf_casadi import (
     natural_modes,
     simulate,
 )
-from problems import FrequencyRecord, MotionRecord, PlannedRecord, StaticRecord, fit_beam, plan
+from problems import FrequencyRecord, MotionRecord, PlannedRecord, ResponseRecord, StaticRecord, fit_beam, plan
+from problems.beam.fitting import beam_problem
 from problems.beam.properties import property_owners
 
 D = 3e-3
@@ -47,8 +49,8 @@ def readings(guess, truth, sensor, std, loads=LOADS):
 @pytest.mark.parametrize("first", [0.9, 1.15])
 def test_frequencies_recover_a_diameter(section, first):
     truth = model_of(section)
-    fit = fit_beam(Model(truth.beam.with_(diameter=first * D)), tones(Model(truth.beam.with_(diameter=first * D)), truth),
-                   unknowns=["diameter"])  # fmt: skip
+    guess = Model(truth.beam.with_(diameter=first * D))
+    fit = fit_beam(guess, tones(guess, truth), unknowns=["diameter"])
     assert fit.estimates["diameter"] == pytest.approx(D, rel=1e-6) and fit.units["diameter"] == "m"
     assert fit.model.beam.sections[0].depth == pytest.approx(D, rel=1e-6)
     assert fit.model.beam.section_shape == truth.beam.section_shape
@@ -95,7 +97,7 @@ def test_some_round_elements_of_a_beam_have_a_diameter():
                     for section in (sections[0], Section.circle(1.1 * D)))  # fmt: skip
     fit = fit_beam(guess, tones(guess, truth), unknowns=["diameter[1:4]"])
     assert fit.estimates["diameter[1:4]"] == pytest.approx(D, rel=1e-5)
-    with pytest.raises(InputError, match="^diameter: only circles and tubes have one"):
+    with pytest.raises(InputError, match=r"^diameter: only circles and tubes have one"):
         fit_beam(guess, tones(guess, truth), unknowns=["diameter[1:5]"])
 
 
@@ -117,6 +119,15 @@ def test_an_experiment_for_a_diameter_is_planned():
     tones = PlannedRecord.natural_frequencies(model, [1, 2, 3], std=deviations.tolist())
     found = plan(model, {"tones": tones}, unknowns=["diameter"])
     assert found.errors_of({"tones": 1})["diameter"] == pytest.approx(1e-3 / math.sqrt(3) * D, rel=1e-4)
+
+
+def test_the_usual_unknown_beside_response_curves_is_one_that_the_section_has():
+    for section, name in ((CABLE, "bending_stiffness"), (Section.circle(D), "elastic_modulus")):
+        model = model_of(section)
+        frequencies = natural_modes(model, count=1).frequencies[0] * np.array([0.97, 0.99, 1.0, 1.01, 1.03])
+        curve = ResponseRecord(frequencies, np.ones(5), base=HarmonicBase(1e-3, 1.0), sweep="up")
+        _, _, first = beam_problem(model, [curve, tones(model, model)], RayleighDamping(alpha=0.2))
+        assert list(first) == [name]
 
 
 @pytest.mark.parametrize(

@@ -349,7 +349,8 @@ def check_sections(beam: Beam, name: str, elements: slice = slice(None)) -> None
     kinds = {shape.kind for shape in beam.shapes[elements]}
     kind = name.partition("[")[0]
     if kind == "diameter" and kinds != {"round"}:
-        raise InputError("only circles and tubes have one; estimate width, thickness or bending_stiffness", name)
+        other = "bending_stiffness" if "stiffness" in kinds else "width or thickness"
+        raise InputError(f"only circles and tubes have one; estimate {other}", name)
     if "round" in kinds and kind in ("width", "thickness"):
         raise InputError("changes with the diameter of a circle or a tube; estimate its diameter", name)
     if "stiffness" in kinds and kind in PROPERTIES:

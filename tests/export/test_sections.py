@@ -78,6 +78,21 @@ def test_a_document_keeps_the_sections_to_the_last_bit(tmp_path, section, bendin
     assert "section_shape" not in Document(model_of(Section(D, D)), LAW, []).to_dict()["beam"]
 
 
+def test_a_document_written_by_hand_may_state_sections(tmp_path):
+    path, model = tmp_path / "beam.json", model_of(Section.circle(D))
+    write_document(path, Document(model, None, []))
+    data = json.loads(path.read_text())
+    for name in ("width", "thickness", "section_shape"):
+        del data["beam"][name]
+    data["beam"]["section"] = {"kind": "circle", "diameter": D}
+    path.write_text(json.dumps(data))
+    assert read_document(path).model == model
+    data["beam"]["section_shape"] = [{"kind": "rectangle"}] * 4
+    path.write_text(json.dumps(data))
+    with pytest.raises(InputError, match="section_shape: follows from the section; give one or the other"):
+        read_document(path)
+
+
 @pytest.mark.parametrize(
     ("shape", "message"),
     [

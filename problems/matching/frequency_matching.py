@@ -56,7 +56,7 @@ from problems.matching.identifiability import Identifiability
 from problems.matching.measured_modes import MeasuredModes
 from problems.matching.response import Matching, Objective
 from problems.matching.result import FrequencyMatch
-from problems.matching.unknowns import PAPER_UNKNOWNS, PropertyUnknown
+from problems.matching.unknowns import PAPER_UNKNOWNS, USUAL_UNKNOWNS, PropertyUnknown
 
 TIE_WEIGHT = 1e-6  # weight of p in worst-error: a mean square change of 1 costs as much as an error of TIE_WEIGHT/2
 SAME_OPTIMUM = (1e-3, 1e-6)  # largest difference of objectives of the same optimum, relative and absolute
@@ -100,7 +100,9 @@ def match_frequencies(
         Measured natural frequencies of the lowest modes, ascending, Hz; or frequencies and shapes with their standard
         deviations.
     unknowns : sequence of Global, PerElement, Smooth
-        Properties that may change; if not given, width and thickness of each element, and density and elastic modulus.
+        Properties that may change; if not given, width and thickness of each element, and density and elastic modulus;
+        the diameter takes the place of width and thickness of round sections, and the bending stiffness of each element
+        and the mass per length that of all of these for sections of given stiffness.
     bounds : float
         Largest relative change of a property whose unknown states no bounds, above 0 and at most 1.
     preference : LeastChange or Smoothness, optional
@@ -146,6 +148,8 @@ def match_frequencies(
     check_instance(beam, "beam", Beam)
     measured = MeasuredModes.of(targets)
     measured.check_beam(beam)
+    if unknowns is PAPER_UNKNOWNS:
+        unknowns = USUAL_UNKNOWNS.get(frozenset(shape.kind for shape in beam.shapes), unknowns)
     space = DesignSpace(beam, unknowns, bounds)  # type: ignore[arg-type]
     choice(objective, get_args(Objective), "objective")
     check_instance(preference, "preference", LeastChange, Smoothness, NoneType)

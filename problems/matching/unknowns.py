@@ -16,6 +16,7 @@ Factors stay within 1 - b and 1 + b for the relative bounds b.  For a smooth pro
 from __future__ import annotations
 
 import contextlib
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -180,3 +181,7 @@ PropertyUnknown = Global | PerElement | Smooth
 PAPER_UNKNOWNS: tuple[PropertyUnknown, ...] = (
     PerElement("width"), PerElement("thickness"), Global("density"), Global("elastic_modulus")
 )  # fmt: skip
+USUAL_UNKNOWNS: Mapping[frozenset[str], tuple[PropertyUnknown, ...]] = {  # by the kinds of the sections
+    frozenset({"round"}): (PerElement("diameter"), Global("density"), Global("elastic_modulus")),
+    frozenset({"stiffness"}): (PerElement("bending_stiffness"), Global("mass_per_length")),
+}

@@ -29,6 +29,18 @@ def test_frequencies_are_proportional_to_the_diameter():
     assert match.figure() and "diameter" in match.report()
 
 
+@pytest.mark.parametrize(
+    ("beam", "names"),
+    [(ROD, {"diameter", "density", "elastic_modulus"}), (CABLE, {"bending_stiffness", "mass_per_length"})],
+)
+def test_the_usual_unknowns_are_those_of_the_sections(beam, names):
+    targets = 1.03 * frequencies(beam)
+    match = match_frequencies(beam, targets=targets)
+    assert match.frequencies == pytest.approx(targets, rel=1e-5)
+    assert {name.partition("[")[0] for name in match.estimates} == names
+    assert match.figure()
+
+
 def test_a_diameter_stays_within_its_bounds():
     match = match_frequencies(ROD, targets=1.5 * frequencies(ROD), unknowns=[Global("diameter", relative_bounds=0.2)])
     assert match.beam.diameter == pytest.approx([1.2 * D] * 6, rel=1e-6) and match.at_bound == ("diameter",)

@@ -23,6 +23,7 @@ from ancf_casadi.mechanics.mesh_limits import short_elements_advice, warn_of_ove
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.support.inputs import check_instance, check_size, instances, number, vector, whole
 from ancf_casadi.support.interrupts import lasting_interrupts
+from ancf_casadi.support.last_calls import keep_last
 from ancf_casadi.vibration.assembly import Position, Structure
 from ancf_casadi.vibration.continuation import (
     MAX_STEP,
@@ -108,13 +109,17 @@ def static_equilibrium(
     return replace(straight, coordinates=position.coordinates, remainder=position.remainder)
 
 
-def stable_position(model: Model, loads: Sequence[Load], side: int = 1) -> Position:
-    """Return the coordinates of ``static_equilibrium``, without a warning.
+@keep_last(8)
+def stable_position(model: Model, loads: tuple[Load, ...], side: int = 1) -> Position:
+    """Return the coordinates of ``static_equilibrium``, without a warning; a run finds those of an earlier one again.
 
     The mesh of too short elements is unstable where the beam is not, so that its stability tells nothing.
     """
     at, factor = _follow_load(model, loads, stable=not short_elements_advice(model))
-    return at if factor >= 1.0 else _follow_path(model, loads, side)
+    position = at if factor >= 1.0 else _follow_path(model, loads, side)
+    for array in (position.coordinates, position.remainder):
+        array.setflags(write=False)
+    return position
 
 
 def primary_equilibrium(model: Model, loads: Sequence[Load]) -> Equilibrium:

@@ -120,35 +120,29 @@ class Collocation:
 
     @cached_property
     def finish(self) -> cs.Function:
-        """(``_symbols``, a, nodes) -> nodes, q, v and a at the end (N, 3), norm of the error.
-
-        ``nodes`` (16, nodes) are all coordinates at the start and the stages, of the last step and of this one.
-        """
-        s, a = self._symbols, cs.MX.sym("a", self.equations.free)
-        nodes = cs.MX.sym("nodes", NODE * (STAGES + 1), self.links.count + 1)
-        increments, _, *motion, _ = self._advance()
-        all_nodes = self._whole(motion)
+        """(``_symbols``, a) -> coordinates at the stages (12, nodes), q, v and a at the end (N, 3), norm of error."""
+        s, a, model = self._symbols, cs.MX.sym("a", self.equations.free), self.equations.model
+        base, base_rate, *_ = cs.vertsplit(self._base, NODE)
+        increments, coordinates = self.links.update(s.corrections, s.turns, s.increments, s.q, base)
         *rates, deviation, deviation_rate = self.links.end(increments, s.v, a, s.h)
         end = [s.q + self.links.free(increments[-NODE:, :]), *map(self.links.free, rates)]
-        error = self._error([deviation, deviation_rate], motion, all_nodes)
+        e, e_t = (model.whole(x, b[:, -1]) for x, b in zip(end[:2], (base, base_rate), strict=True))
+        error = self._error(e, e_t, deviation, deviation_rate)
         size = math.sqrt(STAGES) * cs.norm_2(cs.vec(s.weights[:NODE, :] * error))
-        outputs = [
-            self.links.nodes(nodes[-NODE:, :], s.excitations[:NODE, :], motion[0]),
-            cs.horzcat(*end),
-            size,
-        ]
-        return _function("finish", [*vars(s).values(), a, nodes], outputs)
+        outputs = [cs.horzcat(cs.vec(base), coordinates), cs.horzcat(*end), size]
+        return _function("finish", [*vars(s).values(), a], outputs)
 
-    def _error(self, deviations: Sequence[cs.MX], motion: Sequence[cs.MX], all_nodes: Sequence[cs.MX]) -> cs.MX:
-        """Return the estimated error (4, links), turned back, from the embedded deviation and its rate (4, links)."""
+    def _error(self, e: cs.MX, e_t: cs.MX, deviation: cs.MX, rate: cs.MX) -> cs.MX:
+        """Return the estimated error (4, links), turned back, from the embedded deviation and its rate (4, links).
+
+        It is filtered by the resistance to them at the end, where the motion of all nodes is e and e_t (4 n + 4,).
+        """
         s, equations = self._symbols, self.equations
         balance, real, root = self._balance, RADAU.gamma / s.h, equations.model.root
-        columns = [x[-LINK:, root:] for x in motion[:2]]
-        columns += [self.links.both(x)[:, root:] for x in deviations]
+        u, w = (cs.vertcat(cs.MX.zeros(NODE), cs.vec(x)) for x in (deviation, rate))
+        columns = [self.links.pairs(x)[:, root:] for x in (e, e_t, u, w)]
         numbers = s.properties[:, ::STAGES], s.constants[:, ::STAGES]
         (force,) = map_elements(equations.element("resistance", 0), *columns, *numbers)
-        e, e_t, *_ = (x[:, -1] for x in all_nodes)
-        u, w = (cs.vertcat(cs.MX.zeros(NODE), cs.vec(x)) for x in deviations)
         further = cs.MX(*u.shape)
         if self._others:
             (by_element,) = equations.map_elements("resistance", balance, e, e_t, u, w, groups=self._others)

@@ -61,6 +61,8 @@ def link_function(name: str, kind: Kind, modes: int) -> cs.Function:
         return _function(name, "element", [carried, f, inner], [x, x])
     if name == "extrapolate":
         return _extrapolate(kind)
+    if name == "update":
+        return _update(kind)
     return {"advance": _advance, "reduce": _reduce}[name](kind, modes)
 
 
@@ -81,14 +83,7 @@ def _advance(kind: Kind, modes: int) -> cs.Function:
     N, G = _support_matrices(supports)
     link = _Link.of(kind, l)
 
-    corrections = _of_stages(w) @ cs.DM(RADAU.transform).T
-    if kind != "element":
-        corrections = N @ corrections
-    turned = corrections
-    if link:
-        turned = turned_before + link.forth(cs.vertcat(before, corrections), turns)
-        if kind == "base":
-            turned = N @ (N.T @ turned)
+    corrections, turned = _turned(kind, link, N, w, turns, before, turned_before)
     increments = _of_stages(z) - turned
     inverse = cs.DM(RADAU.inverse).T
     velocities = increments @ inverse / h
@@ -106,6 +101,36 @@ def _advance(kind: Kind, modes: int) -> cs.Function:
     passed = cs.vertcat(*map(cs.vec, (corrections, turned, cs.vertcat(*motion))), reference, modal)
     inputs = [carried, w, turns, z, q, v, reference, B, l, *([] if kind == "element" else [supports]), h, base]
     return _function("advance", kind, inputs, [passed, cs.vec(increments), angles, *map(cs.vec, motion_of_both), modal])
+
+
+def _update(kind: Kind) -> cs.Function:
+    """Derive the Function of ``Links.update``; carried are the results of ``_turned`` for its first node."""
+    carried, base = cs.SX.sym("carried", 2 * VALUES), cs.SX.sym("base", VALUES)
+    w, turns, z, q, l, supports = _columns(VALUES, VALUES, VALUES, NODE, 1, 2 * BLOCK)
+    before, turned_before = map(_of_stages, cs.vertsplit(carried, VALUES))
+    N, G = _support_matrices(supports)
+
+    corrections, turned = _turned(kind, _Link.of(kind, l), N, w, turns, before, turned_before)
+    increments = _of_stages(z) - turned
+    coordinates = cs.repmat(q, 1, STAGES) + increments
+    if kind != "element":
+        coordinates += G @ _of_stages(base)
+    inputs = [carried, w, turns, z, q, l, *([] if kind == "element" else [supports]), base]
+    passed = cs.vertcat(cs.vec(corrections), cs.vec(turned))
+    return _function("update", kind, inputs, [passed, cs.vec(increments), cs.vec(coordinates)])
+
+
+def _turned(
+    kind: Kind, link: _Link | None, N: cs.SX, w: cs.SX, turns: cs.SX, before: cs.SX, turned_before: cs.SX
+) -> tuple[cs.SX, cs.SX]:
+    """Return the corrections of the second node at the stages, (4, 3), before and after turning."""
+    corrections = _of_stages(w) @ cs.DM(RADAU.transform).T
+    if kind != "element":
+        corrections = N @ corrections
+    if not link:
+        return corrections, corrections
+    turned = turned_before + link.forth(cs.vertcat(before, corrections), turns)
+    return corrections, N @ (N.T @ turned) if kind == "base" else turned
 
 
 @lru_cache

@@ -33,7 +33,8 @@ TO_BASE = ("eliminate", "reduce")  # passes from the tip to the base
 ALIKE = ("eliminate", "substitute")  # passes that are the same along links of all kinds
 # the rows B_k of the modal law, turned back to a clamp along x: of the base, (4 m,), and of the links, (4 m, links)
 Projection = tuple[cs.MX, cs.MX]
-SHARED = {"advance": 2, "reduce": 2, "substitute": 0, "eliminate": 1, "extrapolate": 2}  # last inputs that links share
+# number of the last inputs that links share
+SHARED = {"advance": 2, "reduce": 2, "substitute": 0, "eliminate": 1, "update": 1, "extrapolate": 2}
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,6 +94,11 @@ class Links:
         first = cs.vertcat(cs.MX.zeros(2 * VALUES), cs.vec(base), reference[:, 0], velocities_of_base)
         *motion, modal = self._pass("advance", first, columns, [h, cs.vec(base)])
         return [*motion, cs.reshape(modal[:, -1], self.modes, STAGES)]
+
+    def update(self, corrections: cs.MX, turns: cs.MX, increments: cs.MX, q: cs.MX, base: cs.MX) -> list[cs.MX]:
+        """Return the increments of ``advance`` and the coordinates, (12, links), from those of the base (4, 3)."""
+        columns = [corrections, turns, increments, self.places(q)]
+        return self._pass("update", cs.MX.zeros(2 * VALUES), columns, [cs.vec(base)])
 
     def reduce(
         self,
@@ -173,19 +179,9 @@ class Links:
         """Return values at all nodes, (4 n + 4, 3), from those of the base, (4, 3), and of both nodes of each link."""
         return cs.vertcat(base, _pick(ends, self._seconds.transpose(1, 0, 2), NODE * self.count))
 
-    def nodes(self, first: cs.MX, base: cs.MX, ends: cs.MX) -> cs.MX:
-        """Return coordinates at the start and the stages (16, nodes); ``base`` and ``ends`` are those at the stages."""
-        values = cs.vertcat(cs.vec(first), cs.vec(base), cs.vec(ends))
-        starts = np.arange(NODE * (self.count + 1)).reshape(-1, 1, NODE)
-        at_base = starts.size + np.arange(VALUES).reshape(1, STAGES, NODE)
-        beyond = starts.size + VALUES + self._seconds
-        places = np.concatenate([starts, np.concatenate([at_base, beyond])], axis=1)
-        return _pick(values, places, NODE * (STAGES + 1))
-
-    def both(self, values: cs.MX) -> cs.MX:
-        """Return values at both nodes of each link (8, links), 0 at the base, from those at the second ones."""
-        places = NODE * np.arange(self.count)[:, None] + np.arange(LINK)
-        return _pick(cs.horzcat(cs.MX.zeros(NODE, 1), values), places, LINK)
+    def pairs(self, values: cs.MX) -> cs.MX:
+        """Return values at both nodes of each link (8, links) from those at all nodes (4 n + 4,)."""
+        return _pick(values, NODE * np.arange(self.count)[:, None] + np.arange(LINK), LINK)
 
     def last_turns(self, turns: cs.MX) -> cs.MX:
         """Return the turns to the last stage, in place of those to all stages."""

@@ -8,8 +8,9 @@ the smaller of
 
     SAFETY (2 k_max + 1)/(2 k_max + k) h err^(-1/4),    SAFETY h (h/h_last) (err_last/err^2)^(1/4),
 
-the second of which extrapolates the trend of the error.  If Newton's method converges fast and the new length would
-differ little from the old one, the next step keeps both the length and the matrices.
+the second of which extrapolates the trend of the error.  If the new length would differ little from the old one, and
+Newton's method converges fast, or nearly as fast as when the matrices were new, the next step keeps both the length and
+the matrices.  (What matrices omit, such as modal damping, slows down the convergence whether they are new or old.)
 
 CasADi's ``buffer`` binds a Function to arrays, so that a call copies nothing and costs half a microsecond.
 """
@@ -17,7 +18,7 @@ CasADi's ``buffer`` binds a Function to arrays, so that a call copies nothing an
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -32,6 +33,7 @@ NEWTON_RATIO = 0.001  # relative to the tolerance of the step; with a larger one
 ERROR_ORDER = 4  # of the error estimate in the step length
 NEWTON_ITERATIONS = 10  # k_max
 STEADY = 1e-3  # contraction of Newton's method below which matrices may be kept
+STALE = 1.5  # ratio of this contraction to that with new matrices below which they may be kept
 KEEP = (0.85, 1.25)  # factors of the length in this range are not applied, so that the matrices can be kept
 SAFETY = 0.9
 GROWTH = (0.2, 5.0)  # smallest and largest factor of the length
@@ -101,8 +103,7 @@ class Newton:
         return 0
 
 
-@dataclass(frozen=True)
-class StepControl:
+class StepControl(NamedTuple):
     """The state on which the next step length depends."""
 
     proposal: float = 1e-5  # length to try next, s
@@ -110,21 +111,26 @@ class StepControl:
     largest_growth: float = GROWTH[1]  # largest factor of the length after the next step
     length: float = 0.0  # of the last step, s; 0 before the first step
     error: float = 1.0  # of the last step, relative to the tolerance
+    contraction: float = 0.0  # of the last step with new matrices
 
     def trial_length(self, remaining: float, largest_step: float) -> float:
         """Return the length of the step to try, s, given the time ``remaining``, so that no tiny last step remains."""
         h = min(self.proposal, largest_step)
         return remaining if h > (1 - SAME_TIME) * remaining else min(h, remaining / 2)
 
+    def keeps_matrices(self, h: float) -> bool:
+        """Return whether a step of length h is to be solved with the matrices of the last one."""
+        return self.keep and h == self.length
+
     def after_failure(self, h: float, *, old_matrices: bool) -> StepControl:
         """Return the state after Newton's method failed: new matrices if they were old, else half the length."""
         if old_matrices:
-            return replace(self, proposal=h, keep=False)
-        return replace(self, proposal=h / 2, keep=False, largest_growth=AFTER_FAILURE)
+            return self._replace(proposal=h, keep=False)
+        return self._replace(proposal=h / 2, keep=False, largest_growth=AFTER_FAILURE)
 
     def after_error(self, h: float, error: float, iterations: int) -> StepControl:
         """Return the state after a step whose error exceeds the tolerance: repeat it with a smaller length."""
-        return replace(self, proposal=h * _growth(error, iterations), keep=False)
+        return self._replace(proposal=h * _growth(error, iterations), keep=False)
 
     def after_step(
         self, h: float, error: float, iterations: int, contraction: float, largest_step: float
@@ -135,13 +141,15 @@ class StepControl:
             trend = h / self.length * (self.error / max(error, LEAST_ERROR) ** 2) ** (1 / ERROR_ORDER)
             growth = min(growth, max(SAFETY * trend, GROWTH[0]), self.largest_growth)
         growth = min(growth, largest_step / h)
-        keep = contraction <= STEADY and KEEP[0] <= growth < KEEP[1]
+        with_new = self.contraction if self.keeps_matrices(h) else contraction
+        keep = contraction <= max(STEADY, STALE * with_new) and KEEP[0] <= growth < KEEP[1]
         return StepControl(
             proposal=h if keep else h * growth,
             keep=keep,
             largest_growth=min(self.largest_growth * RECOVERY, GROWTH[1]),
             length=h,
             error=max(error, LEAST_TREND),
+            contraction=with_new,
         )
 
 

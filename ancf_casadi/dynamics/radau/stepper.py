@@ -124,7 +124,7 @@ class Stepper:
         arrays.nodes[:] = model.whole(q, first[:NODE]).reshape(-1, 1, NODE)
         a[:] = form.accelerations(q, v, first, parameters)
 
-        self._finish = Buffered(form.finish, *arrays.of_stages, a, arrays.nodes)
+        self._finish = Buffered(form.finish, *arrays.of_stages, a)
         trial_inputs = arrays.time, arrays.length, arrays.ratio, arrays.nodes
         self._predict = Buffered(
             _trial(form.prediction, piece.function), *trial_inputs, outputs=[arrays.excitations, arrays.increments]
@@ -163,7 +163,7 @@ class Stepper:
             h = control.trial_length(self._piece.end - self.now, self._largest_step)
             if not h > 1e-11 * max(1.0, self.now):  # s; after the first second, relative to the time
                 raise SimulationError(_failure("could not continue", self.now, h), self.now)
-            keeps_matrices = control.keep and h == control.length
+            keeps_matrices = control.keeps_matrices(h)
             self._begin(h)
             if not keeps_matrices:
                 newton.factorise()
@@ -171,14 +171,15 @@ class Stepper:
             if not iterations:
                 control = control.after_failure(h, old_matrices=keeps_matrices)
                 continue
-            nodes, end, norm = self._finish()
+            stages, end, norm = self._finish()
             error = norm.item()
             if error <= 1.0:
                 break
             control = control.after_error(h, error, iterations)
 
         self._control = control.after_step(h, error, iterations, newton.contraction, self._largest_step)
-        newton.end[:], newton.nodes[:] = end.reshape(newton.end.shape), nodes.reshape(newton.nodes.shape)
+        newton.nodes[:, 0] = newton.nodes[:, -1]
+        newton.nodes[:, 1:], newton.end[:] = stages.reshape(-1, STAGES, NODE), end.reshape(newton.end.shape)
         self.now += h
         self.steps += 1
 

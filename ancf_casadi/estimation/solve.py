@@ -355,13 +355,16 @@ def _is_small(shift_by: Callable[[Array], Array], error: Array) -> bool:
 def _turn(fit: Fit, coarser: Array) -> Array:
     """Return the typical shifts (n,) by the change of the Jacobian from a coarser one (m, n), in standard errors.
 
-    At the minimum J' r = 0.  A change of J by D shifts the estimates by (J' J)^-1 D' r, where r is mostly noise.
+    At the minimum J' r = 0.  A change of J by D shifts the estimates by (J' J)^-1 D' r, where r is mostly noise, but
+    orthogonal to J: a part J A of D shifts nothing.
     """
     free = ~fit.active_bounds
     jacobian, change = (columns[:, free] * fit.scale[free] for columns in (fit.jacobian, fit.jacobian - coarser))
+    basis = np.linalg.qr(jacobian)[0]
     inverse = np.linalg.inv(jacobian.T @ jacobian)
     sizes = np.zeros(len(fit.names))
-    sizes[free] = np.linalg.norm(change @ inverse, axis=0) / np.sqrt(np.diag(inverse))
+    turned = (change - basis @ (basis.T @ change)) @ inverse
+    sizes[free] = np.linalg.norm(turned, axis=0) / np.sqrt(np.diag(inverse))
     return sizes
 
 

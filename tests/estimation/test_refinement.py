@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from ancf_casadi.estimation.block import Account, Block, SeriesWeights
-from ancf_casadi.estimation.solve import FitProblem, solve
+from ancf_casadi.estimation.solve import FitProblem, _turn, solve
+from ancf_casadi.estimation.solver.least_squares import least_squares
 from ancf_casadi.estimation.solver.unknown import Unknown
 
 
@@ -63,3 +64,23 @@ def test_the_noise_is_that_at_the_last_tolerance():
     solution = fitted(3.0 * random.choice([-1.0, 1.0], size=200), random.normal(size=(2, 200)))
     (block,) = solution.problem.blocks
     assert block.weights.deviations == pytest.approx([1.0, 1.0], rel=0.1)
+
+
+def test_a_change_of_the_jacobian_shifts_the_estimates_by_its_part_normal_to_it():
+    """Of many fits to noise, one Jacobian gives estimates that scatter about those of the other as stated."""
+    random = np.random.default_rng(1)
+    basis = np.stack([np.ones(300), np.linspace(0.0, 1.0, 300)], axis=1) @ [[1.0, 1.0], [0.0, 0.05]]  # nearly parallel
+    change = 0.02 * random.normal(size=basis.shape)
+
+    def residuals(a, b):
+        return cs.DM(basis) @ cs.vertcat(a, b) - cs.DM(basis.sum(axis=1) + random.normal(size=300))
+
+    fit = least_squares(residuals, [Unknown("a", 1.0), Unknown("b", 1.0)], closed_form=True)
+    combined = basis @ np.array([[1.1, 0.3], [-0.2, 0.9]])
+    assert _turn(fit, combined).max() < 1e-9
+    noise = random.normal(size=(300, 2000))
+    noise -= basis @ np.linalg.lstsq(basis, noise)[0]
+    other = basis - change
+    shifts = np.linalg.solve(other.T @ basis, other.T @ noise)  # of the roots of (J - D)' r = 0
+    errors = np.sqrt(np.diag(np.linalg.inv(basis.T @ basis)))
+    assert _turn(fit, other) == pytest.approx(shifts.std(axis=1) / errors, rel=0.1)

@@ -55,7 +55,7 @@ from ancf_casadi.support.progress import count_step
 
 HUBER = 1.345  # threshold d over the standard deviation of the noise
 LAST_STEP = 1e-3  # change of the residuals by the last step, in standard deviations
-LAST_INACCURATE_STEP = 0.3  # the same where the residuals have an error of their own
+LAST_INACCURATE_STEP = 1.0  # the same where the residuals have an error of their own, whose check sees what it leaves
 SHORT_STEP = 3.0  # the same, below which the Jacobian is taken to stay as it is
 ROUNDING = 1e-13  # the same, relative to that by unknowns from zero
 MOST_STEPS, MOST_FAILURES = 50, 6  # the latter in a row

@@ -39,6 +39,7 @@ from ancf_casadi.support.inputs import (
     check_fields,
     check_size,
     error_prefix,
+    flag,
     instances,
     is_sequence,
     numbers,
@@ -90,6 +91,9 @@ class Beam(Displayed):
     section_shape : tuple of Shape
         Kind and proportions of the section of each element, as ``uniform`` and ``with_`` set them; empty for
         rectangles.
+    rotary_sections : bool
+        Whether the sections have rotary inertia, as in Rayleigh's beam, which lowers the frequencies of a beam that is
+        not slender.
 
     Raises
     ------
@@ -122,6 +126,7 @@ class Beam(Displayed):
     supports: tuple[Support, ...] = (Clamp(),)
     attachments: tuple[Attachment, ...] = ()
     section_shape: tuple[Shape, ...] = ()
+    rotary_sections: bool = False
 
     def __post_init__(self) -> None:
         """Validate, and normalise the axis."""
@@ -133,7 +138,7 @@ class Beam(Displayed):
             if len(getattr(self, name)) != len(self.width):
                 raise InputError(f"has {len(getattr(self, name))} values for {len(self.width)} elements", name)
         whole(self.elements, "elements", MINIMUM_ELEMENTS, MAXIMUM_ELEMENTS)
-        check_fields(self, axis=unit_vector, gravity=vector)
+        check_fields(self, axis=unit_vector, gravity=vector, rotary_sections=flag)
         for name in INITIAL:
             initial_values = numbers(getattr(self, name), name)
             if len(initial_values) not in (0, self.elements):
@@ -169,6 +174,7 @@ class Beam(Displayed):
         attachments: Sequence[Attachment] = (),
         tip_mass: float = 0.0,
         clamp_stiffness: float = math.inf,
+        rotary_sections: bool = False,
     ) -> Beam:
         """Make a beam with properties that are the same in all elements, or given element by element.
 
@@ -181,7 +187,7 @@ class Beam(Displayed):
             density and elastic modulus.
         elements : int
             Number of elements, at least 2.
-        length, axis, gravity, supports, attachments
+        length, axis, gravity, supports, attachments, rotary_sections
             See ``Beam``.
         tip_mass : float
             Mass of the ``PointMass`` at the tip, kg; it takes the place of the mass of one in ``attachments``.
@@ -219,8 +225,8 @@ class Beam(Displayed):
         element_values: dict[str, Any] = {
             name: _per_element(value, elements, name) for name, value in per_element.items()
         }
-        component_lists: dict[str, Any] = {"supports": supports, "attachments": attachments}
-        beam = cls(length=length, axis=axis, gravity=gravity, **component_lists, **element_values)
+        for_all: dict[str, Any] = {"supports": supports, "attachments": attachments, "rotary_sections": rotary_sections}
+        beam = cls(length=length, axis=axis, gravity=gravity, **for_all, **element_values)
         lumped = {"tip_mass": tip_mass} if tip_mass != 0.0 else {}
         if clamp_stiffness != math.inf:
             lumped["clamp_stiffness"] = clamp_stiffness

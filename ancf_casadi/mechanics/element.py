@@ -23,6 +23,12 @@ measures, so that the beam as manufactured is free of stress on any mesh.  (Its 
 
 A prestress sigma_0 is a further axial strain sigma_0/E.
 
+If the sections have rotary inertia, the kinetic energy has a further term
+
+    1/2 int rho I r'_t . r'_t dp,
+
+which is that of their rotation where the slopes r' keep their length: Rayleigh's correction, with a constant matrix.
+
 What is attached to the beam at a node is an element too (``point_elements``).
 
 References
@@ -41,7 +47,14 @@ import casadi as cs
 import numpy as np
 
 from ancf_casadi.mechanics.nodes import unit_velocities
-from ancf_casadi.mechanics.strain import StrainMeasures, axial_strains, bending_strains, gauss_pairs, shape_matrix
+from ancf_casadi.mechanics.strain import (
+    StrainMeasures,
+    axial_strains,
+    bending_strains,
+    gauss_pairs,
+    hermite_slope,
+    shape_matrix,
+)
 from ancf_casadi.support.arrays import Array, Index
 
 ELEMENT_PROPERTIES = 7  # width, thickness, density, elastic modulus, length, x and y of the axis
@@ -82,11 +95,14 @@ class Element:
 
 
 @lru_cache(maxsize=8)
-def element(measures: StrainMeasures, *, curved: bool = False, prestressed: bool = False) -> Element:
+def element(
+    measures: StrainMeasures, *, curved: bool = False, prestressed: bool = False, rotary: bool = False
+) -> Element:
     """Derive the Functions of a beam element from its energies, once for each choice of strain measures.
 
     A ``curved`` or ``prestressed`` element has more properties: the ratio of its natural curvature to the largest one
-    of the beam, that of its prestress, then the largest curvature, 1/m, and prestress, Pa.
+    of the beam, that of its prestress, then the largest curvature, 1/m, and prestress, Pa.  ``rotary`` says whether its
+    sections have rotary inertia.
     """
     initial_count = curved + prestressed
     e, e_t, p = symbols(8, ELEMENT_PROPERTIES + 2 * initial_count)
@@ -117,7 +133,12 @@ def element(measures: StrainMeasures, *, curved: bool = False, prestressed: bool
         shape = shape_matrix(xi)
         unit_mass += w * shape.T @ shape
         unit_weight += w * shape.T
-    mass = mu * l * (units @ units.T) * unit_mass
+    line_mass = mu * l * (units @ units.T) * unit_mass
+    mass = line_mass
+    if rotary:
+        slopes = [(shape_matrix(xi, hermite_slope), w) for xi, w in gauss_pairs(3)]  # exact: of degree 4
+        unit_turns = sum((w * slope.T @ slope for slope, w in slopes), cs.DM(8, 8))
+        mass = line_mass + mu * thickness**2 / 12 / l * (units @ units.T) * unit_turns
     # of drag and friction; approximate: |v| v and v/|v| are not polynomials
     return derived_element(
         inputs=(e, e_t, p),
@@ -125,7 +146,7 @@ def element(measures: StrainMeasures, *, curved: bool = False, prestressed: bool
         strains=cs.vertcat(*(strain for strain, _ in eps + kappa)),
         weights=d,
         mass=mass,
-        line_mass=mass,
+        line_mass=line_mass,
         gravity=mu * l * cs.repmat(units, 1, 2) * unit_weight,
         surface=[(shape_matrix(xi) @ cs.diag(units), w * mu * l) for xi, w in gauss_pairs(4)],
     )

@@ -114,7 +114,9 @@ class Model(Nodes):
     @cached_property
     def element(self) -> Element:
         """The Functions of one beam element."""
-        return element(self.measures, curved=bool(self.beam.natural_curvature), prestressed=bool(self.beam.prestress))
+        beam = self.beam
+        initial = {"curved": bool(beam.natural_curvature), "prestressed": bool(beam.prestress)}
+        return element(self.measures, **initial, rotary=beam.rotary_sections)
 
     @cached_property
     def groups(self) -> tuple[Group, ...]:

@@ -211,6 +211,7 @@ class BeamSpec(Spec, frozen=True):
     gravity: Annotated[Pair, Meta(description="m/s^2")] = (0.0, -9.81)
     natural_curvature: Annotated[float | tuple[float, ...], Meta(description="1/m")] = ()
     prestress: Annotated[float | tuple[float, ...] | UnsetType, Meta(description="Pa")] = UNSET
+    rotary_sections: Annotated[bool | UnsetType, Meta(description="whether the sections have rotary inertia")] = UNSET
     supports: tuple[SupportSpec, ...] = (ClampSpec(),)
     attachments: tuple[AttachmentSpec, ...] = ()
     tip_mass: Annotated[NotNegative | UnsetType, Meta(description="kg")] = UNSET
@@ -220,7 +221,7 @@ class BeamSpec(Spec, frozen=True):
     def of(cls, beam: Beam) -> BeamSpec:
         """Return the specification of a beam, with one value per element."""
         fields = {field.name: getattr(beam, field.name) for field in dataclasses.fields(beam)}
-        for name in ("prestress", "section_shape"):
+        for name in ("prestress", "section_shape", "rotary_sections"):
             if not fields[name]:
                 del fields[name]  # so that documents stay as they were
         for name in ("supports", "attachments"):

@@ -37,6 +37,7 @@ SET_UPS = {
     "pendulum": {"supports": (Pin(0.0),), "attachments": MASSES},
     "bent": {"natural_curvature": np.linspace(2.0, 6.0, 20), "attachments": SPRINGS},
     "turned": {"supports": (Clamp(0.0, rotation=0.5),), "attachments": SPRINGS},
+    "thick": {"thickness": 0.01, "rotary_sections": True},
 }
 STILL = np.zeros(9)
 RNG = np.random.default_rng(3)
@@ -44,8 +45,8 @@ Q, V = (RNG.uniform(-1, 1, MODES) * size for size in ((4e-3, 1e-3, 4e-4, 2e-4), 
 BASE = RNG.uniform(-1, 1, 9) * (0.1, 0.1, 1.0, 0.5, 0.5, 3.0, 5.0, 5.0, 20.0)
 
 
-def strip(elements=20, **changes):
-    return Model(Beam.uniform(length=0.5, width=5e-3, thickness=0.5e-3, density=8000.0, elastic_modulus=210e9,
+def strip(elements=20, thickness=0.5e-3, **changes):
+    return Model(Beam.uniform(length=0.5, width=5e-3, thickness=thickness, density=8000.0, elastic_modulus=210e9,
                               elements=elements, **changes))  # fmt: skip
 
 

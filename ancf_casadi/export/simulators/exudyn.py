@@ -89,8 +89,9 @@ def write_exudyn(
     if not (isinstance(beam.supports[0], Clamp) and math.isinf(beam.supports[0].stiffness)):
         raise InputError("must be a rigid clamp, to be written for exudyn", "supports")
     masses_only = all(isinstance(attachment, PointMass) for attachment in beam.attachments)
-    if not masses_only or model.measures != StrainMeasures():
-        raise InputError("has springs, dashpots or strain measures that cannot be written for exudyn", "model")
+    if not masses_only or model.measures != StrainMeasures() or beam.rotary_sections:
+        unwritten = "springs, dashpots, strain measures or rotary sections"
+        raise InputError(f"has {unwritten} that cannot be written for exudyn", "model")
     terms = law_terms(request.damping)
     modal = [term for term in terms if isinstance(term, ModalDamping)]
     coefficients = damping_coefficients((term for term in terms if term not in modal), modes, request.amplitude)

@@ -45,7 +45,7 @@ class CosseratBeam(SimulatorBeam):
         """Masses of the nodes but the clamped one, with and without point masses, and inertias of the elements."""
         beam = self.beam
         beam_masses, point_masses = np.zeros(beam.count + 1), np.zeros(beam.count + 1)
-        inertias = beam.masses * beam.length**2 / 12
+        inertias = beam.masses * beam.length**2 / 12 + beam.section_inertias
         end_masses = beam.masses * beam.centres / beam.length
         beam_masses[1:] += end_masses
         beam_masses[:-1] += beam.masses - end_masses

@@ -55,6 +55,7 @@ class SegmentedBeam:
     masses: Array
     centres: Array  # distance of the centre of mass from the joint, m
     inertias: Array  # about the centre, kg m^2
+    section_inertias: Array  # the part that the rotary inertia of the sections has in them, kg m^2
     widths: Array  # of boxes with the inertia of a segment about its three axes
     thicknesses: Array
     diameters: Array  # of round segments; 0 for boxes
@@ -113,6 +114,8 @@ def divide_beam(beam: Beam, count: int) -> SegmentedBeam:
     mass = density[elements] * pieces
     masses: Array = np.bincount(owners, mass).astype(np.float64)
     centres = np.bincount(owners, mass * middles) / masses
+    thicknesses, sections = np.array(beam.thickness), beam.sections
+    of_sections: Array = np.bincount(owners, beam.rotary_sections * mass * thicknesses[elements] ** 2 / 12)
     inertias: Array = np.bincount(owners, mass * (pieces**2 / 12 + (middles - centres[owners]) ** 2)).astype(np.float64)
     point_masses = []
     for attachment in beam.attachments:
@@ -120,7 +123,6 @@ def divide_beam(beam: Beam, count: int) -> SegmentedBeam:
             raise InputError(f"a {type(attachment).__name__} cannot be written; only point masses can", "attachments")
         segment = min(int(attachment.point / length), count - 1)
         point_masses.append((segment, attachment.point - segment * length, attachment))
-    thicknesses, sections = np.array(beam.thickness), beam.sections
     is_round = np.array([section.shape.kind == "round" for section in sections])
     diameters = np.array([section.depth if section.shape.kind == "round" else 0.0 for section in sections])
     all_round = _integrals(1.0 * ~is_round, nodes, ends) == 0.0
@@ -132,7 +134,8 @@ def divide_beam(beam: Beam, count: int) -> SegmentedBeam:
         length=length,
         masses=masses,
         centres=centres - ends[:-1],
-        inertias=inertias,
+        inertias=inertias + of_sections,
+        section_inertias=of_sections,
         widths=_integrals(np.where(is_round, thicknesses, beam.width), nodes, ends) / length,
         thicknesses=_integrals(thicknesses, nodes, ends) / length,
         diameters=all_round * _integrals(diameters, nodes, ends) / length,

@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     from problems.decay.result import DecayFit as DecayFit
     from problems.decay.takes import DecayFits as DecayFits
     from problems.decay.takes import DecayModes as DecayModes
+    from problems.frf.estimators import frf_of as frf_of
     from problems.frf.fitting import fit_frf as fit_frf
     from problems.frf.record import FrfRecord as FrfRecord
     from problems.frf.result import FrfFit as FrfFit

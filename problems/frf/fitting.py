@@ -91,7 +91,9 @@ def fit_frf(
             if not further_delay:
                 break
             delay += further_delay
-            undelayed = replace(record, values=remove_delay(record.values, record.frequencies, delay))
+            undelay = partial(remove_delay, frequencies=record.frequencies, delay=delay)
+            scatter = record.scatter and record.scatter.map(undelay)
+            undelayed = replace(record, values=undelay(record.values), scatter=scatter)
     count, lines = len(trial.frequencies), record.frequencies
     notes = [*record.notes, *selection_notes]
     if delay:
@@ -113,14 +115,17 @@ def fit_frf(
 def _fit_modes(record: FrfRecord, guesses: Array | None, mode_count: int | None) -> tuple[TrialFit, list[str]]:
     """Select and fit the modes of a record until the weights settle; return the fit and notes of the selection."""
     values = record.columns
-    model = ModalSum.of(record.frequencies, record.kind, RESIDUAL_POWERS[0])
+    model = ModalSum.of(record.frequencies, record.kind, RESIDUAL_POWERS[0], record.window)
     modes = mode_count or 0
     if 2 * modes + values.shape[1] * (2 * modes + len(RESIDUAL_POWERS[0])) > values.size:
         raise InputError(f"has too few frequencies, {len(record.frequencies)}, for {mode_count} modes", "record")
 
     deviations = stated_deviations(record)
     scaled = values / np.sqrt(np.median(deviations**2, axis=0))
-    candidates = candidate_poles(record.frequencies, scaled) if guesses is None else poles_near(model, scaled, guesses)
+    if guesses is None:
+        candidates = candidate_poles(record.frequencies, scaled, record.window.rate if record.window else 0.0)
+    else:
+        candidates = poles_near(model, scaled, guesses)
     estimated = record.std is None and record.coherence is None
     coarse = replace(model, starts=bins(record.frequencies, candidates))
     means = coarse.bin_means(values), np.sqrt(coarse.bin_means(deviations**2) / np.sqrt(coarse.bin_sizes)[:, None])

@@ -48,6 +48,7 @@ from ancf_casadi.response.linear_frf import FRF_POWERS, FrfKind
 from ancf_casadi.support.arrays import Array, ComplexArray, Index
 from ancf_casadi.support.progress import count_step
 from ancf_casadi.support.tall import inner, tall_qr, tall_times, tall_triangle
+from problems.frf.window import BlockWindow
 
 RESIDUAL_POWERS = tuple(
     tuple(range(-size, size)) for size in (2, 4, 6)
@@ -67,13 +68,15 @@ class ModalSum:
     powers: tuple[int, ...]  # p of the residual terms
     reference: float  # angular frequency, rad/s, that makes the powers dimensionless
     starts: Index | None = None  # first frequency of each bin, (bins,), if means over bins are fitted
+    window: BlockWindow | None = None  # of the blocks of time from which the functions were estimated
 
     @classmethod
-    def of(cls, frequencies: Array, kind: FrfKind, powers: tuple[int, ...]) -> ModalSum:
+    def of(
+        cls, frequencies: Array, kind: FrfKind, powers: tuple[int, ...], window: BlockWindow | None = None
+    ) -> ModalSum:
         """Return the model for the frequencies and the kind of a record; transmissibilities have d = 2."""
-        return cls(
-            frequencies, FRF_POWERS.get(kind, 2), powers, 2 * math.pi * float(np.sqrt(frequencies[0] * frequencies[-1]))
-        )
+        reference = 2 * math.pi * float(np.sqrt(frequencies[0] * frequencies[-1]))
+        return cls(frequencies, FRF_POWERS.get(kind, 2), powers, reference, window=window)
 
     @cached_property
     def bin_sizes(self) -> Array:
@@ -89,18 +92,36 @@ class ModalSum:
 
     @property
     def _iω(self) -> ComplexArray:
-        return np.asarray(2j * np.pi * self.frequencies[:, None])
+        """The Laplace variable, which an exponential window shifts."""
+        return np.asarray((self.window.rate if self.window else 0.0) + 2j * np.pi * self.frequencies[:, None])
 
     def modal(self, frequencies: Array, ratios: Array) -> ComplexArray:
         """Return the columns of modes, (k, 2 m), or (bins, 2 m): those of a and b of each mode."""
-        resonance = self._resonances(frequencies, ratios)
-        pairs = np.stack([resonance, self._iω * resonance], axis=2)
+        if self.window and self.window.leakage:
+            (upper, _), (lower, _) = self._smeared_resonances(frequencies, ratios)
+            difference = (upper - lower) / (4j * np.pi * frequencies * np.sqrt(1 - ratios**2))
+            pairs = np.stack([difference, (upper + lower) / 2 - 2 * np.pi * frequencies * ratios * difference], axis=2)
+        else:
+            resonance = self._resonances(frequencies, ratios)
+            pairs = np.stack([resonance, self._iω * resonance], axis=2)
         return np.asarray(self.bin_means(pairs.reshape(len(pairs), -1)))
 
     def _resonances(self, frequencies: Array, ratios: Array) -> ComplexArray:
         """Return the resonance of each mode at all frequencies, (k, m)."""
         iω, ω_k = self._iω, 2 * np.pi * frequencies
         return np.asarray(iω**self.derivatives / (ω_k**2 + iω**2 + 2 * ratios * ω_k * iω))
+
+    def _smeared_resonances(
+        self, frequencies: Array, ratios: Array
+    ) -> tuple[tuple[ComplexArray, ComplexArray], tuple[ComplexArray, ComplexArray]]:
+        """Return s_k^d R(i omega - s_k) and its derivative by s_k, (k, m) each, for the poles and their conjugates."""
+        assert self.window is not None
+        pole, d = 2 * np.pi * frequencies * (-ratios + 1j * np.sqrt(1 - ratios**2)), self.derivatives
+        pairs = []
+        for s_k in (pole, pole.conj()):
+            value, slope = self.window.resonance(self._iω - s_k)
+            pairs.append((s_k**d * value, d * s_k ** (d - 1) * value - s_k**d * slope))
+        return pairs[0], pairs[1]
 
     def columns(self, frequencies: Array, ratios: Array) -> ComplexArray:
         """Return the columns of all coefficients, (k, 2 m + powers)."""
@@ -116,6 +137,8 @@ class ModalSum:
     def slopes(self, frequencies: Array, ratios: Array, coefficients: Array) -> ComplexArray:
         """Return the derivatives of the functions by frequency and damping ratio of each mode in turn, (F, k, 2 m)."""
         iω, ω_k = self._iω, 2 * np.pi * frequencies
+        if self.window and self.window.leakage:
+            return self._smeared_slopes(frequencies, ratios, coefficients)
         common = -2 * self._resonances(frequencies, ratios) ** 2 / iω**self.derivatives
         # shared by all functions, and therefore averaged over bins before these are formed
         powers = [self.bin_means(common * iω**power) for power in range(3)]
@@ -124,6 +147,23 @@ class ModalSum:
         twice = a * powers[1] + b * powers[2]
         slopes[:, :, ::2] = 2 * np.pi * (ω_k * (a * powers[0] + b * powers[1]) + ratios * twice)
         slopes[:, :, 1::2] = ω_k * twice
+        return slopes
+
+    def _smeared_slopes(self, frequencies: Array, ratios: Array, coefficients: Array) -> ComplexArray:
+        """Return ``slopes`` under leakage, with A = b/2 + i (sigma b - a)/(2 omega_d) and s_k = -sigma + i omega_d."""
+        (upper, upper_slope), (lower, lower_slope) = self._smeared_resonances(frequencies, ratios)
+        a, b = (coefficient_rows.T for coefficient_rows in _pairs(coefficients, len(frequencies)))  # (F, m)
+        ω_k, root = 2 * np.pi * frequencies, np.sqrt(1 - ratios**2)
+        σ, ω_d = ω_k * ratios, ω_k * root
+        imaginary = (b * σ - a) / (2 * ω_d)
+        residue = (b / 2 + 1j * imaginary)[:, None]
+        slopes = np.empty((len(a), len(self._residual_terms), 2 * len(frequencies)), dtype=complex)
+        changes = (σ / frequencies, ω_d / frequencies), (ω_k, -ω_k * ratios / root)  # of sigma and omega_d
+        for start, (change_σ, change_ω_d) in enumerate(changes):
+            turned = 1j * (b * change_σ / (2 * ω_d) - imaginary * change_ω_d / ω_d)[:, None] * (upper - lower)
+            change = -change_σ + 1j * change_ω_d
+            moved = residue * upper_slope * change + residue.conj() * lower_slope * change.conj()
+            slopes[:, :, start::2] = [self.bin_means(rows) for rows in turned + moved]
         return slopes
 
     def constants(self, frequencies: Array, ratios: Array, coefficients: Array) -> ComplexArray:

@@ -7,7 +7,7 @@ of all other files count as outputs of one input.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from types import NoneType
@@ -33,6 +33,7 @@ from ancf_casadi.support.inputs import (
     shown,
 )
 from ancf_casadi.support.tables import Displayed, plural, spread
+from problems.frf.window import BlockWindow
 
 LEAST_LINES = 8
 SCATTER_LINES = 12  # lines on either side over which the scatter of repeated measurements is averaged
@@ -42,6 +43,18 @@ KINDS_OF_UNITS: dict[tuple[str, str], FrfKind] = {
     ("acceleration", "force"): "accelerance",
 }
 QUOTIENT = ("transmissibility", "relative-transmissibility")
+
+
+@dataclass(frozen=True, eq=False)
+class BlockScatter:
+    """Deviations of the blocks from the mean functions, (blocks, functions, k), and the number of independent blocks."""
+
+    deviations: ComplexArray
+    averages: float
+
+    def map(self, change: Callable[[ComplexArray], ComplexArray]) -> BlockScatter:
+        """Return the scatter of functions that a linear change gives."""
+        return replace(self, deviations=change(self.deviations))
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,17 +72,22 @@ class FrfRecord(Displayed):
     coherence : array_like, optional
         Ordinary coherence, 0 to 1, in the shape of the values; it gives the weights.
     std : array_like, optional
-        Standard deviations of the complex values, in the shape of the values, positive; they give the weights.
+        Standard deviations of the complex values, in the shape of the values, positive; they give the weights, also
+        beside a coherence.
     points : sequence of float, optional
         Arc lengths of the outputs from the clamp, m.
     notes : tuple of str
         Decisions of the reader of a file, which a fit repeats.
+    window : BlockWindow, optional
+        Window of the blocks of time from which ``frf_of`` estimated the functions; a fit allows for it.
+    scatter : BlockScatter, optional
+        Scatter of these blocks, from which the standard errors of a fit follow.
 
     Raises
     ------
     InputError
-        If there are fewer than eight frequencies, a value is not finite, the shapes differ, both coherence and std are
-        given, or one of them is out of range.
+        If there are fewer than eight frequencies, a value is not finite, the shapes differ, or coherence or std is out
+        of range.
 
     Examples
     --------
@@ -88,6 +106,8 @@ class FrfRecord(Displayed):
     std: Array | None = None
     points: Sequence[float] | None = None
     notes: tuple[str, ...] = ()
+    window: BlockWindow | None = None
+    scatter: BlockScatter | None = None
 
     def __post_init__(self) -> None:
         """Validate, and keep arrays."""
@@ -118,8 +138,6 @@ class FrfRecord(Displayed):
 
     def _check_quality(self) -> None:
         """Check coherence and standard deviations."""
-        if self.coherence is not None and self.std is not None:
-            raise InputError("are given together with the coherence; give one of them", "std")
         for name in ("coherence", "std"):
             if getattr(self, name) is None:
                 continue
@@ -254,9 +272,9 @@ class FrfRecord(Displayed):
         if len(runs) < 2:
             raise InputError("needs at least two", "records")
         for run in runs[1:]:
-            same = run.kind == first.kind and run.values.shape == first.values.shape
+            same = (run.kind, run.window) == (first.kind, first.window) and run.values.shape == first.values.shape
             if not same or not np.array_equal(run.frequencies, first.frequencies):
-                raise InputError("differ in frequencies, kind or shape", "records")
+                raise InputError("differ in frequencies, kind, window or shape", "records")
         values = np.array([run.values for run in runs])
         variance = (np.abs(values - values.mean(axis=0)) ** 2).sum(axis=0) / (len(runs) - 1) / len(runs)
         smooth = np.apply_along_axis(moving_mean, 2, variance, SCATTER_LINES)
@@ -269,6 +287,7 @@ class FrfRecord(Displayed):
             std=np.sqrt(smooth),
             points=first.points,
             notes=first.notes,
+            window=first.window,
         )
 
     @property
@@ -300,7 +319,13 @@ class FrfRecord(Displayed):
             name: None if getattr(self, name) is None else getattr(self, name)[:, :, inside]
             for name in ("coherence", "std")
         }
-        return replace(self, frequencies=self.frequencies[inside], values=self.values[:, :, inside], **quality)
+        return replace(
+            self,
+            frequencies=self.frequencies[inside],
+            values=self.values[:, :, inside],
+            scatter=self.scatter and self.scatter.map(lambda deviations: deviations[:, :, inside]),
+            **quality,
+        )
 
     def names(self) -> list[str]:
         """Return a name of each function, output after output."""

@@ -28,6 +28,13 @@ greatest likelihood, which minimise sum (ln v + |r|^2/v).  g is the mean over ne
 1 unless these means differ by more than chance.  Residuals r are enlarged by 1/(1 - h)^1/2 for the share h of a value
 that the fit follows (leverage).
 
+If the functions were estimated from K blocks, of which K_e are independent, with deviations e_j from their mean, the
+estimates of the blocks differ to first order by d_j = (J' J)^-1 J' W e_j, and the covariance of x is
+
+    sum_j d_j d_j'/(K (K_e - 1)),
+
+with K_e - 1 degrees of freedom.  It needs no assumption on the noise along the frequency, which leakage correlates.
+
 If the coherence gamma^2 is measured, the variance is proportional to |H|^2 (1 - gamma^2)/gamma^2.
 
 References
@@ -56,7 +63,7 @@ from ancf_casadi.support.callbacks import Differentiable, callback_function
 from ancf_casadi.support.tall import tall_qr
 from problems.decay.limitations import IMPRECISE, MAX_ORDER
 from problems.frf.modal_sum import LARGEST_RATIO, RESIDUAL_POWERS, TrialFit, stack_parts
-from problems.frf.record import FrfRecord, moving_mean
+from problems.frf.record import BlockScatter, FrfRecord, moving_mean
 
 FRF_ADVICE = "give approximate frequencies, ask for fewer modes, or choose a band"
 LOG_BOUNDS = (-30.0, 30.0)  # of the logarithm of B/A, relative to the first guess
@@ -99,10 +106,19 @@ def inflation(trial: TrialFit, fit: Fit) -> float:
     return (samples - len(fit.names)) / (samples - trial.parameters)
 
 
-def correct_covariance(trial: TrialFit, fit: Fit) -> Fit:
-    """Correct the covariance of a fit for the fitted coefficients and for noise that functions share."""
+def correct_covariance(trial: TrialFit, fit: Fit, scatter: BlockScatter | None = None) -> Fit:
+    """Correct the covariance of a fit for the fitted coefficients and for noise that functions share.
+
+    If the scatter of blocks is known, the covariance is that of the estimates which they give to first order.
+    """
     free = ~fit.active_bounds
+    if scatter is not None and free.any():
+        covariance = np.zeros_like(fit.covariance)
+        covariance[np.ix_(free, free)] = _block_covariance(trial, fit.jacobian[:, free], scatter)
+        return replace(fit, covariance=covariance, noise=replace(fit.noise, freedom=scatter.averages - 1))
     covariance = inflation(trial, fit) * fit.covariance
+    if (window := trial.model.window) is not None:
+        covariance = covariance * 2 / (1 + math.exp(-2 * window.rate * window.duration))
     if trial.values.shape[1] > 1 and free.any() and fit.residual_rms > 0.0:
         q, triangle = tall_qr(fit.jacobian[:, free] * fit.scale[free])
         scaled = triangle / fit.scale[free]
@@ -113,6 +129,14 @@ def correct_covariance(trial: TrialFit, fit: Fit) -> Fit:
         larger = root @ (np.eye(len(root)) + _shared_noise(trial, q)) @ root
         covariance[np.ix_(free, free)] = inverse @ larger @ inverse.T
     return replace(fit, covariance=covariance)
+
+
+def _block_covariance(trial: TrialFit, jacobian: Array, scatter: BlockScatter) -> Array:
+    """Return the covariance of the estimates from those of the blocks to first order, for derivatives (N, n)."""
+    weighted = scatter.deviations * trial.weights.T
+    rows = np.concatenate([weighted.real, weighted.imag], axis=2).reshape(len(weighted), -1)
+    changes = np.linalg.lstsq(jacobian, rows.T)[0]
+    return np.asarray(changes @ changes.T / len(weighted) / (scatter.averages - 1))
 
 
 def _shared_noise(trial: TrialFit, basis: Array) -> Array:

@@ -191,7 +191,7 @@ class FrfFit(LeastSquaresResult):
         """
         check_instance(record, "record", FrfRecord)
         values, trial = record.columns, self.refinement
-        model = ModalSum.of(record.frequencies, record.kind, trial.model.powers)
+        model = ModalSum.of(record.frequencies, record.kind, trial.model.powers, record.window)
         if 2 * len(values) < 2 * len(trial.frequencies) + len(model.powers):
             raise InputError(f"has too few frequencies, {len(values)}, for {len(trial.frequencies)} modes", "record")
         deviations = stated_deviations(record)
@@ -266,7 +266,7 @@ class FrfFit(LeastSquaresResult):
 def refine_result(record: FrfRecord, start: TrialFit, notes: tuple[str, ...], again: Callable[[Any], Any]) -> FrfFit:
     """Refine a start, and return the result of the fit."""
     trial, fit = refine(start)
-    return FrfFit(correct_covariance(trial, fit), record, trial, fit, notes, again=again)
+    return FrfFit(correct_covariance(trial, fit, record.scatter), record, trial, fit, notes, again=again)
 
 
 def _constant_errors(trial: TrialFit, fit: Fit, function: int) -> ComplexArray:

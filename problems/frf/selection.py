@@ -73,8 +73,8 @@ class Candidates:
     recurring: Index  # indices of the modes that recur in the chart, most often first
 
 
-def candidate_poles(frequencies: Array, values: ComplexArray) -> Candidates:
-    """Find the poles of all orders in the band, and those that recur."""
+def candidate_poles(frequencies: Array, values: ComplexArray, window_rate: float = 0.0) -> Candidates:
+    """Find the poles of all orders in the band, and those that recur, without the damping of an exponential window."""
     ema = library(MODULE, "finds the poles", "sdypy-EMA, or give approximate frequencies", "sdypy-EMA")
     f, rows = _interpolate_lines(frequencies, values.T)
     order = max(2, min(40, len(f) // 3))  # at least three lines per order
@@ -86,6 +86,9 @@ def candidate_poles(frequencies: Array, values: ComplexArray) -> Candidates:
         except np.linalg.LinAlgError:
             raise FitError("sdypy-EMA finds no poles; give approximate frequencies") from None
     f_k, ζ = np.concatenate(model.pole_freq).astype(float), np.concatenate(model.pole_xi).astype(float)
+    if window_rate:
+        poles = 2 * np.pi * f_k * (-ζ + 1j * np.sqrt(np.maximum(1 - ζ**2, 0.0))) + window_rate
+        f_k, ζ = np.abs(poles) / (2 * np.pi), np.maximum(-poles.real / np.abs(poles), 2 * RATIO_RANGE[0])
     orders = np.repeat(np.arange(len(model.pole_freq)), list(map(len, model.pole_freq)))
     inside = (f_k >= f[0]) & (f_k <= f[-1]) & (ζ > RATIO_RANGE[0]) & (ζ < RATIO_RANGE[1])
     if not inside.any():

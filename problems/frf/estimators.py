@@ -1,0 +1,276 @@
+"""Frequency response functions from records of force and response over time.
+
+With spectra F and Y of force and response in K blocks and their mean products G_ff, G_yy and G_fy = mean(conj(F) Y),
+
+    H1 = G_fy/G_ff,    H2 = G_yy/conj(G_fy),    Hv = (G_yy/G_ff)^1/2 G_fy/|G_fy|,    gamma^2 = |G_fy|^2/(G_ff G_yy).
+
+H1 is right if the noise is that of the response, H2 if it is that of the force, Hv if both are equally noisy.  Each has
+the variance
+
+    E|H - H_0|^2 = |H|^2 (1 - gamma^2)/gamma^2/K_e,    K_e = K/(1 + 2 sum_j (1 - j/K) rho_j^2),
+
+where rho_j is the correlation of two windows, j blocks apart (Welch).  The noise G_yy (1 - gamma^2) is corrected for
+its K - 1 degrees of freedom, and averaged over neighbouring lines.
+
+References
+----------
+J. S. Bendat, A. G. Piersol, Random Data: Analysis and Measurement Procedures, Wiley (2010), Chapters 6 and 9.
+P. D. Welch, The use of fast Fourier transform for the estimation of power spectra, IEEE Transactions on Audio and
+Electroacoustics 15 (1967).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Literal, get_args
+
+import numpy as np
+from scipy.ndimage import median_filter
+from scipy.special import chdtri
+
+from ancf_casadi.exceptions import InputError
+from ancf_casadi.records.measurement import Measurement
+from ancf_casadi.records.processing import sampling_step
+from ancf_casadi.response.linear_frf import FrfKind
+from ancf_casadi.support.arrays import Array, ComplexArray, Index
+from ancf_casadi.support.inputs import choice, error_prefix, instances, number, physical
+from problems.frf.blocks import Take, hammer_blocks, shaker_blocks
+from problems.frf.record import LEAST_LINES, SCATTER_LINES, BlockScatter, FrfRecord, moving_mean
+from problems.frf.window import BlockWindow
+
+Estimator = Literal["H1", "H2", "Hv"]
+Excitation = Literal["auto", "hammer", "shaker"]
+Window = Literal["hann", "none"]
+KINDS: dict[str, FrfKind] = {
+    "displacement": "receptance",
+    "position": "receptance",
+    "velocity": "mobility",
+    "acceleration": "accelerance",
+}
+LEAST_POWER = 0.01  # of the force, relative to its highest: the end of the usable band
+LARGEST_FREQUENCY = 0.8  # relative to half the sampling rate, beyond which a filter against aliasing acts
+LEAST_STD = 1e-6  # relative to the median of a function
+NOISE_LINES = 2  # lines on either side over which the noise under a Hann window is averaged
+POWER_LINES = 5  # lines on either side over which the power of the force is averaged
+FEWEST_AVERAGES = 6.0  # independent blocks that state the errors of a fit
+SAME_TIME = 0.1  # largest difference of the times of force and response, in steps
+
+
+def frf_of(
+    force: Measurement | Sequence[Measurement],
+    response: Measurement | Sequence[Measurement | Sequence[Measurement]],
+    *,
+    estimator: Estimator = "H1",
+    excitation: Excitation = "auto",
+    window: Window | None = None,
+    time_constant: float | None = None,
+    block: float | None = None,
+    overlap: float = 0.5,
+    kind: FrfKind | None = None,
+    points: Sequence[float] | None = None,
+) -> FrfRecord:
+    """Estimate frequency response functions from force and response over time, under a hammer or a shaker.
+
+    Hits that are doubled or overloaded are left out, with a note.  ``fit_frf`` allows for the windows: the damping of
+    an exponential window and, for H1, the leakage of a Hann window do not enter its damping ratios.
+
+    Parameters
+    ----------
+    force : Measurement or sequence of Measurement
+        Force over time; several records are averaged.
+    response : Measurement or sequence
+        Response at the times of the force: one record, or a list of one per output; for several forces, a list with
+        such an entry for each.
+    estimator : {"H1", "H2", "Hv"}
+        H1 for noise of the response, H2 for noise of the force, Hv for both.
+    excitation : {"auto", "hammer", "shaker"}
+        Hits, or a continuous force; the force shows which if not given.
+    window : {"hann", "none"}, optional
+        Window of the blocks under a shaker: ``"hann"`` (default) for random forces, ``"none"`` for forces that are
+        periodic in a block, and for bursts whose response ends within it.
+    time_constant : float, optional
+        Time constant, s, of an exponential window on the blocks of a hammer; none if not given.
+    block : float, optional
+        Length of a block, s; up to the next hit, or 20 overlapping blocks under a shaker, if not given.
+    overlap : float
+        Overlap of the blocks under a shaker, 0 to 0.9.
+    kind : str, optional
+        Kind of the functions, if the quantity of the responses does not tell it.
+    points : sequence of float, optional
+        Arc lengths of the outputs from the clamp, m.
+
+    Raises
+    ------
+    InputError
+        If the records differ in their times, are unevenly sampled, or hold no usable block.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from ancf_casadi import Measurement, Sensor
+    >>> from problems import fit_frf, frf_of
+    >>> time, rng = np.arange(20_000) / 500.0, np.random.default_rng(0)
+    >>> force, response = np.zeros(20_000), 1e-7 * rng.normal(size=20_000)
+    >>> for hit in (1.0, 15.0, 27.0):
+    ...     t = np.clip(time - hit, 0.0, None)
+    ...     force += np.where(t < 0.01, 50.0 * np.sin(100 * np.pi * t), 0.0)
+    ...     response += 1e-4 * np.exp(-0.5 * t) * np.sin(50.0 * t)
+    >>> record = frf_of(Measurement(time, force, sensor=Sensor("force")), Measurement(time, response))
+    >>> fit = fit_frf(record, frequencies=[8.0])
+    >>> f"{fit.frequencies[0]:.3f} Hz, damping ratio {fit.damping_ratios[0]:.4f}"
+    '7.958 Hz, damping ratio 0.0100'
+    """
+    choice(estimator, get_args(Estimator), "estimator")
+    choice(excitation, get_args(Excitation), "excitation")
+    if window is not None:
+        choice(window, get_args(Window), "window")
+    duration = None if block is None else physical(block, "block")
+    if not 0.0 <= number(overlap, "overlap") <= 0.9:
+        raise InputError(f"must be between 0 and 0.9, got {overlap:g}", "overlap")
+    rate = 0.0 if time_constant is None else 1.0 / physical(time_constant, "time_constant")
+    forces, responses = _pair_records(force, response)
+    takes = [_join(*pair) for pair in zip(forces, responses, strict=True)]
+    step = takes[0].step
+    if any(abs(take.step - step) > 1e-6 * step or len(take.channels) != len(takes[0].channels) for take in takes):
+        raise InputError("differ in their sampling rate or number of outputs; give one kind of records", "response")
+    is_hammer = excitation == "hammer" or (excitation == "auto" and all(take.is_impulsive() for take in takes))
+    if is_hammer and window is not None:
+        raise InputError("belongs to a shaker; a hammer takes time_constant", "window")
+    if not is_hammer and rate:
+        raise InputError("belongs to the hits of a hammer; a shaker takes window", "time_constant")
+    blocks = hammer_blocks(takes, duration) if is_hammer else shaker_blocks(takes, duration, overlap)
+    is_hann = not is_hammer and window != "none"
+    size = blocks.values.shape[2]
+    samples = np.arange(size)
+    weights = 0.5 - 0.5 * np.cos(2 * np.pi * samples / size) if is_hann else np.exp(-rate * step * samples)
+    import os; DEC=int(os.environ.get("DEC",1)) if is_hann else 1
+    averages = len(blocks.values) if is_hammer else _independent_blocks(weights, len(blocks.values), overlap)
+    estimate = _estimate(np.fft.rfft(weights * blocks.values), estimator)
+    if len(estimate.lines) < LEAST_LINES:
+        raise InputError("are too short for eight lines with a force; give longer blocks", "block")
+    deviations = None if is_hammer or averages < FEWEST_AVERAGES else estimate.deviations
+    with error_prefix("force and response"):
+        return FrfRecord(
+            estimate.lines / (size * step),
+            estimate.values,
+            kind or _kind(responses[0]),
+            coherence=estimate.coherence,
+            std=estimate.std(averages, is_hammer=is_hammer),
+            points=points,
+            notes=blocks.notes,
+            window=BlockWindow(size * step, rate, is_hann, estimator),
+            scatter=None if deviations is None else BlockScatter(deviations, averages),
+        )
+
+
+def _pair_records(force: Any, response: Any) -> tuple[tuple[Measurement, ...], list[tuple[Measurement, ...]]]:
+    """Return the forces of the takes, and the responses of each."""
+    if isinstance(force, Measurement):
+        force, response = [force], [response]
+    forces = instances(force, "force", Measurement)
+    entries = instances(response, "response", object)
+    if len(forces) != len(entries):
+        raise InputError(f"has {len(entries)} entries for {len(forces)} forces; give one for each", "response")
+    responses = [
+        (entry,) if isinstance(entry, Measurement) else instances(entry, "response", Measurement) for entry in entries
+    ]
+    for record in forces:
+        if record.sensor.quantity not in ("force", "signal"):
+            raise InputError(f"is a {record.sensor.quantity}; give it a sensor of the quantity 'force'", "force")
+    return forces, responses
+
+
+def _join(force: Measurement, responses: Sequence[Measurement]) -> Take:
+    """Return a force and its responses at the same even times."""
+    with error_prefix(force.name or "force"):
+        step = sampling_step(force.time)
+    for record in responses:
+        same = len(record.time) == len(force.time)
+        if not same or np.abs(record.time - force.time).max() > SAME_TIME * step:
+            raise InputError("has other times than the force; record both together", record.name or "response")
+    channels = np.array([record.values - record.values.mean() for record in (force, *responses)])
+    if not channels.any(axis=1).all():
+        raise InputError("is constant in the force or a response; name other columns", force.name or "force")
+    return Take(force.name or "record", channels, float(force.time[0]), step)
+
+
+def _kind(responses: Sequence[Measurement]) -> FrfKind:
+    """Return the kind of the functions by the quantity of the responses."""
+    quantities = {record.sensor.quantity for record in responses}
+    kinds = {KINDS.get(quantity) for quantity in quantities}
+    kind = kinds.pop()
+    if kinds or kind is None:
+        raise InputError(
+            f"measures {' and '.join(sorted(quantities))}; give the kind of the functions, such as 'accelerance'",
+            "response",
+        )
+    return kind
+
+
+def _independent_blocks(weights: Array, count: int, overlap: float) -> float:
+    """Return the number K_e of independent blocks that average as well as overlapping ones."""
+    stride, squares = max(1, round(len(weights) * (1 - overlap))), 0.0
+    for j in range(1, min(count, -(-len(weights) // stride))):
+        correlation = weights[j * stride :] @ weights[: len(weights) - j * stride] / (weights @ weights)
+        squares += (1 - j / count) * correlation**2
+    return count / (1 + 2 * squares)
+
+
+def _usable_lines(power: Array) -> Index:
+    """Return the numbers of the lines about the strongest one at which the force is strong enough."""
+    smooth = moving_mean(power, POWER_LINES)
+    smooth[[0, *range(int(LARGEST_FREQUENCY * len(power)), len(power))]] = 0.0
+    is_weak, peak = smooth < LEAST_POWER * smooth.max(), int(np.argmax(smooth))
+    first = int(np.flatnonzero(is_weak[:peak])[-1]) + 1
+    return np.arange(first, peak + int(np.argmax(np.append(is_weak[peak:], True))))
+
+
+@dataclass(frozen=True, eq=False)
+class Estimate:
+    """Numbers of the usable lines, values and coherence (outputs, lines), and deviations of the blocks from the values.
+
+    With one block, there are neither coherence nor deviations (blocks, outputs, lines).
+    """
+
+    lines: Index
+    values: ComplexArray
+    coherence: Array | None = None
+    deviations: ComplexArray | None = None
+
+    def std(self, averages: float, *, is_hammer: bool) -> Array | None:
+        """Return standard deviations (outputs, lines); under a hammer, those of the errors that differ line by line."""
+        if self.deviations is None:
+            return None
+        deviations = self.deviations
+        if is_hammer:
+            deviations = np.pad(np.diff(deviations, 2), ((0, 0), (0, 0), (1, 1)), mode="edge") / math.sqrt(6)
+        variance = np.mean(np.abs(deviations) ** 2, axis=0) / (averages - 1)
+        if is_hammer:
+            chi_square_median = chdtri(2 * averages - 2, 0.5) / (2 * averages - 2)
+            variance = median_filter(variance, (1, 2 * SCATTER_LINES + 1)) / chi_square_median
+        else:
+            variance = np.array([moving_mean(row, NOISE_LINES) for row in variance])
+        floor = LEAST_STD * np.median(np.abs(self.values), axis=1, keepdims=True)
+        return np.asarray(np.maximum(np.sqrt(variance), floor))
+
+
+def _estimate(spectra: ComplexArray, estimator: Estimator) -> Estimate:
+    """Return the functions that spectra of blocks (blocks, 1 + outputs, lines) give."""
+    force_power = np.mean(np.abs(spectra[:, 0]) ** 2, axis=0)
+    lines = _usable_lines(force_power)
+    force, responses, force_power = spectra[:, :1, lines], spectra[:, 1:, lines], force_power[lines]
+    cross = np.mean(force.conj() * responses, axis=0)
+    coherence = np.clip(np.abs(cross) ** 2 / (force_power * np.mean(np.abs(responses) ** 2, axis=0)), 0.0, 1.0)
+    first = cross / force_power
+    values = np.asarray(first * {"H1": 1.0, "H2": 1 / coherence, "Hv": coherence**-0.5}[estimator])
+    if len(spectra) < 2:
+        return Estimate(lines, values)
+    first_share = {"H1": 1.0, "H2": 0.0, "Hv": 0.5}[estimator]
+    second = first / coherence
+    deviations = values * (
+        first_share * force.conj() * (responses - first * force) / cross
+        + (1 - first_share) * responses.conj() * (responses - second * force) / np.mean(responses.conj() * responses, axis=0)
+    )
+    return Estimate(lines, values, coherence, np.asarray(deviations))

@@ -1,0 +1,79 @@
+"""Effect of the window of the blocks on frequency response functions that were estimated from time records.
+
+Exponential window.  The factor exp(-a t) on force and response shifts the Laplace variable: the functions are those at
+s = a + i omega, exactly.
+
+End of a block.  A transient response that begins before a block or goes on beyond it adds, at the lines n/T of a block
+of T seconds without another window, free vibrations of the same poles with the factor 1 - exp((s_k - a) T).  Poles and
+damping stay; modal constants change by this factor.
+
+Hann window.  If the power of a random force is even over the width of a line, the mean of the cross-spectrum over
+blocks is that of the impulse response times the autocorrelation of the window,
+
+    r(x) = (1 - x) (2/3 + cos(2 pi x)/3) + sin(2 pi x)/(2 pi),    x = tau/T,
+
+so that the resonance 1/(s - s_k) of each pole becomes R(s - s_k) with the Laplace transform R of r (leakage).  With
+u = z T, E(u) = (1 - exp(-u))/u and L(u) = (1 - E(u))/u,
+
+    R(z)/T = 2/3 L(u) + (L(u - 2 pi i) + L(u + 2 pi i))/6 + (E(u - 2 pi i) - E(u + 2 pi i))/(4 pi i).
+
+References
+----------
+J. S. Bendat, A. G. Piersol, Random Data: Analysis and Measurement Procedures, Wiley (2010), Chapters 8 and 11.
+R. Pintelon, J. Schoukens, System Identification: A Frequency Domain Approach, Wiley (2012), Chapter 2.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from ancf_casadi.support.arrays import ComplexArray
+
+SERIES_RADIUS = 0.02  # |u| below which E and L follow from their power series
+SERIES = [(-1.0) ** n / math.factorial(n + 1) for n in range(8)]  # of E; its terms from the second on are those of -u L
+
+
+@dataclass(frozen=True)
+class BlockWindow:
+    """Window of the blocks from which functions were estimated."""
+
+    duration: float  # of a block, s
+    rate: float = 0.0  # of an exponential window, 1/s
+    hann: bool = False  # whether it is a Hann window over random vibration
+    estimator: Literal["H1", "H2", "Hv"] = "H1"
+
+    @property
+    def leakage(self) -> bool:
+        """Whether R describes the resonances; the leakage of other estimators than H1 is not modelled."""
+        return self.hann and self.estimator == "H1"
+
+    def resonance(self, z: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
+        """Return R and its derivative by z."""
+        u, turn, duration = z * self.duration, 2j * np.pi, self.duration
+        (_, _, even, even_slope), lower, upper = _moments(u), _moments(u - turn), _moments(u + turn)
+        value, slope = (
+            2 / 3 * centre + (lower[k + 2] + upper[k + 2]) / 6 + (lower[k] - upper[k]) / (2 * turn)
+            for k, centre in enumerate((even, even_slope))
+        )
+        return duration * value, duration**2 * slope
+
+
+def _moments(u: ComplexArray) -> tuple[ComplexArray, ComplexArray, ComplexArray, ComplexArray]:
+    """Return E, its derivative, L and its derivative."""
+    is_small = np.abs(u) < SERIES_RADIUS
+    v = np.where(is_small, 1.0, u)
+    e = (1 - np.exp(-v)) / v
+    e_slope = (np.exp(-v) - e) / v
+    moments = e, e_slope, (1 - e) / v, -(e_slope + (1 - e) / v) / v
+    if not is_small.any():
+        return moments
+    first, second = np.polynomial.Polynomial(SERIES), np.polynomial.Polynomial([-c for c in SERIES[1:]])
+    series = first, first.deriv(), second, second.deriv()
+    e, e_slope, even, even_slope = (
+        np.where(is_small, polynomial(u), moment) for polynomial, moment in zip(series, moments, strict=True)
+    )
+    return e, e_slope, even, even_slope

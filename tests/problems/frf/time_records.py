@@ -1,0 +1,58 @@
+"""Force and acceleration over time of two modes under a hammer or a shaker, with noise on both channels."""
+
+import numpy as np
+from scipy.signal import butter, cont2discrete, lfilter, sosfilt
+
+from ancf_casadi import Measurement, Sensor
+
+MODES = ((8.0, 0.010, 1.0), (21.0, 0.006, -0.6))  # frequency (Hz), damping ratio, modal constant (1/kg)
+RATE, FINER = 200.0, 10  # samples per second of the records, and of the simulation per sample
+
+
+def acceleration(force, step):
+    """Response of the modes to a force that is linear between samples, exact."""
+    response = 0.0
+    for frequency, ratio, constant in MODES:
+        natural = 2 * np.pi * frequency
+        system = ([constant, 0.0, 0.0], [1.0, 2 * ratio * natural, natural**2])
+        numerator, denominator, _ = cont2discrete(system, step, method="foh")
+        response = response + lfilter(numerator.ravel(), denominator, force)
+    return response
+
+
+def take(force, rng, response_noise, force_noise):
+    """Records of a fine force, with noise relative to the largest value of each channel."""
+    response = acceleration(force, 1 / (RATE * FINER))
+    time = np.arange(len(force) // FINER) / RATE
+    records = []
+    for values, noise, quantity in ((force, force_noise, "force"), (response, response_noise, "acceleration")):
+        sampled = values[::FINER][: len(time)]
+        sampled = sampled + noise * np.abs(sampled).max() * rng.normal(size=len(time))
+        records.append(Measurement(time, sampled, quantity, Sensor(quantity)))
+    return tuple(records)
+
+
+def hammer(rng, *, hits=(1.0, 13.0, 27.0, 39.0), end=52.0, bounces=(), noise=(3e-3, 3e-3)):
+    """Half-sine hits of random height, 20 ms long; bounces follow after 0.12 s."""
+    time = np.arange(round(end * RATE * FINER)) / (RATE * FINER)
+    force = np.zeros(len(time))
+    for hit in (*hits, *(hits[k] + 0.12 for k in bounces)):
+        inside = (time >= hit) & (time <= hit + 0.02)
+        force += inside * rng.uniform(20.0, 60.0) * np.sin(np.pi * (time - hit) / 0.02)
+    return take(force, rng, *noise)
+
+
+def shaker(rng, *, duration=200.0, noise=(1e-2, 1e-2)):
+    """Random force up to 50 Hz."""
+    white = rng.normal(size=round((duration + 20.0) * RATE * FINER))
+    force = sosfilt(butter(4, 50.0, output="sos", fs=RATE * FINER), white)
+    records = take(force, rng, *noise)
+    return tuple(record.cut(20.0) for record in records)
+
+
+def hits_of(fit, level=0.95):
+    """Whether the interval of each frequency and damping ratio holds the truth, and the standardised errors."""
+    truth = {f"{name}_{k}": value for k, mode in enumerate(MODES, 1)
+             for name, value in zip(("frequency", "damping_ratio"), mode)}  # fmt: skip
+    intervals, errors, estimates = fit.intervals(level), fit.standard_errors, fit.estimates
+    return [(intervals[n][0] <= v <= intervals[n][1], (estimates[n] - v) / errors[n]) for n, v in truth.items()]

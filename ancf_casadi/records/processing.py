@@ -175,18 +175,15 @@ def quality_warnings(time: Array, values: Array) -> list[str]:
     return [text for text in (_clipping_warning(values), _aliasing_warning(time, values)) if text]
 
 
-def is_clipped(values: Array) -> bool:
-    """Return whether a stretch of a record is clipped at its highest or lowest value, even in one swing."""
-    levels, span = np.unique(values), float(np.ptp(values))
-    for ends, distances in ((levels[::-1], values.max() - values), (levels, values - values.min())):
-        if len(levels) < MIN_LEVELS:
-            return False
-        band = max(0.01 * span, 3.0 * float(np.abs(np.diff(ends[:MIN_LEVELS])).min()))
-        is_extreme = distances == 0.0
-        below = np.count_nonzero(~is_extreme & (distances <= band))
-        if _runs(is_extreme).max() >= FLAT and np.count_nonzero(is_extreme) >= CLIPPED_RATIO * max(1, below):
-            return True
-    return False
+def has_flat_top(values: Array) -> bool:
+    """Return whether a stretch of a record is clipped at its highest value, even in one swing."""
+    levels, distances = np.unique(values), values.max() - values
+    if len(levels) < MIN_LEVELS:
+        return False
+    band = max(0.01 * float(distances.max()), 3.0 * float(np.diff(levels[-MIN_LEVELS:]).min()))
+    is_top = distances == 0.0
+    below = int(np.count_nonzero(~is_top & (distances <= band)))
+    return bool(_runs(is_top).max() >= FLAT and np.count_nonzero(is_top) >= CLIPPED_RATIO * max(1, below))
 
 
 def _clipping_warning(values: Array) -> str:

@@ -3,10 +3,15 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Sequence
+from dataclasses import replace
 from typing import get_args
 
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.records.layout import LAYOUT_KEYS, TableLayout
+from ancf_casadi.records.measurement import Measurement
+from ancf_casadi.records.recording import read_recording
+from ancf_casadi.records.sensor import Sensor
 from ancf_casadi.response.linear_frf import FrfKind
 from ancf_casadi.support.inputs import error_prefix
 from problems.command.output import (
@@ -14,15 +19,19 @@ from problems.command.output import (
     add_options,
     add_plot,
     comma_numbers,
+    finite,
     new_files,
     positive_count,
     result_output,
 )
-from problems.command.record_options import add_keys
+from problems.command.record_options import add_keys, columns
+from problems.frf.estimators import Estimator, Excitation, Window, frf_of
 from problems.frf.fitting import fit_frf
 from problems.frf.record import FrfRecord
-from problems.spec.record_files import CurveFileSpec
+from problems.spec.record_files import ChannelSpec, CurveFileSpec
 
+TIME_KEYS = ("time", "time_unit", "sample_rate")
+ESTIMATE_KEYS = ("estimator", "excitation", "window", "time_constant", "block", "overlap")
 COLUMN_KEYS = ("column", "frequency", "phase", "unit", "phase_unit")
 
 
@@ -30,9 +39,10 @@ def add_fit_frf(parser: argparse.ArgumentParser) -> None:
     """Add the options."""
     parser.epilog = (
         "reads universal files (data set 58, function type 4), and columns of MATLAB, HDF5, NPZ and text files: "
-        "complex, real and imag, or amplitude and phase"
+        "complex, real and imag, or amplitude and phase; with --force and --response, files of these over time, of all "
+        "formats that inspect lists: the hits or blocks of all files are averaged"
     )
-    parser.add_argument("file", metavar="FILE", help="file of frequency response functions")
+    parser.add_argument("files", metavar="FILE", nargs="+", help="file of frequency response functions, or over time")
     kinds = get_args(FrfKind)
     parser.add_argument(
         "--kind", choices=kinds, metavar="KIND", help=f"{', '.join(kinds)} (default: as the unit tells)"
@@ -45,16 +55,73 @@ def add_fit_frf(parser: argparse.ArgumentParser) -> None:
     )
     add_plot(parser, "draw the functions and the fit")
     add_keys(parser.add_argument_group("reading the file"), CurveFileSpec, *COLUMN_KEYS, *LAYOUT_KEYS)
+    group = parser.add_argument_group("force and response over time")
+    group.add_argument("--force", metavar="NAME|N", help="column of the force")
+    group.add_argument("--response", type=columns, metavar="NAME|N,...", help="columns of the responses")
+    add_keys(group, ChannelSpec, *TIME_KEYS)
+    for name, literal, text in (
+        ("estimator", Estimator, "H1 for noise of the response (default), H2 for noise of the force, Hv for both"),
+        ("excitation", Excitation, "default: as the force shows"),
+        ("window", Window, "of the blocks under a shaker (default: hann)"),
+    ):
+        choices = get_args(literal)
+        group.add_argument(f"--{name}", choices=choices, metavar="NAME", help=f"{', '.join(choices)}: {text}")
+    add_options(
+        group,
+        time_constant=(finite, "S", "time constant of an exponential window after hits (default: none)"),
+        block=(finite, "S", "length of a block (default: to the next hit; 20 blocks under a shaker)"),
+        overlap=(finite, "SHARE", "overlap of the blocks under a shaker (default: 0.5)"),
+    )
 
 
 def run_fit_frf(options: argparse.Namespace) -> Output:
     """Fit the functions."""
-    new_files([options.file], options.plot)
+    new_files(options.files, options.plot)
     if options.band is not None and len(options.band) != 2:
         raise InputError("must be two frequencies LOW,HIGH", "--band")
-    reading = {name: getattr(options, name) for name in COLUMN_KEYS}
-    layout = TableLayout.of(vars(options))
-    record = FrfRecord.from_file(options.file, options.kind, layout=layout, progress=True, **reading)
-    with error_prefix(options.file):
+    record = _read_functions(options) if options.force is None else _estimate_functions(options)
+    with error_prefix(", ".join(options.files)):
         fit = fit_frf(record, modes=options.modes, frequencies=options.frequencies, band=options.band)
     return result_output(fit, options.plot)
+
+
+def _read_functions(options: argparse.Namespace) -> FrfRecord:
+    """Read functions over frequency."""
+    _refuse(options, ("response", *TIME_KEYS, *ESTIMATE_KEYS), "belongs to records over time; give --force as well")
+    if len(options.files) > 1:
+        raise InputError("is one file too many; give one, or columns over time by --force", options.files[1])
+    reading = {name: getattr(options, name) for name in COLUMN_KEYS}
+    layout = TableLayout.of(vars(options))
+    return FrfRecord.from_file(options.files[0], options.kind, layout=layout, progress=True, **reading)
+
+
+def _estimate_functions(options: argparse.Namespace) -> FrfRecord:
+    """Estimate functions from the columns of files over time."""
+    if options.response is None:
+        raise InputError("is needed beside --force; name the columns of the responses", "--response")
+    unused = tuple(key for key in (*COLUMN_KEYS, "imaginary") if key != "unit")
+    _refuse(options, unused, "belongs to values over frequency; leave it out, or --force")
+    response_unit, _, force_unit = (options.unit or "").strip("[]").rpartition("/")
+    if options.unit and not (response_unit and force_unit):
+        raise InputError(f"must be units of response and force, such as g/N, got {options.unit!r}", "--unit")
+    forces, responses = [], []
+    for path in options.files:
+        times = {name: getattr(options, name) for name in TIME_KEYS}
+        recording = read_recording(path, layout=TableLayout.of(vars(options)), progress=True, **times)
+        symbol = recording.channel(options.force).symbol
+        sensor = None if symbol or force_unit else Sensor("force")
+        forces.append(Measurement.from_recording(recording, options.force, unit=force_unit or None, sensor=sensor))
+        unit = response_unit.strip("()") or None
+        responses.append([Measurement.from_recording(recording, name, unit=unit) for name in options.response])
+    settings = {name: getattr(options, name) for name in ESTIMATE_KEYS if getattr(options, name) is not None}
+    with error_prefix(", ".join(options.files)):
+        record = frf_of(forces, responses, kind=options.kind, **settings)
+        notes = dict.fromkeys(note for takes in (forces, *responses) for take in takes for note in take.notes)
+    return replace(record, notes=(*notes, *record.notes))
+
+
+def _refuse(options: argparse.Namespace, names: Sequence[str], reason: str) -> None:
+    """Refuse options that do not belong to the files."""
+    for name in names:
+        if getattr(options, name) is not None:
+            raise InputError(reason, f"--{name.replace('_', '-')}")

@@ -54,7 +54,7 @@ def comma_numbers(text: str) -> tuple[float, ...]:
         raise argparse.ArgumentTypeError(f"must be numbers separated by commas, got {text!r}") from None
 
 
-def add_options(parser: argparse.ArgumentParser, **options: tuple[Callable[[str], Any], str, str]) -> None:
+def add_options(parser: argparse._ActionsContainer, **options: tuple[Callable[[str], Any], str, str]) -> None:
     """Add options that take one value, each by its type, the placeholder of its value, and its help."""
     for name, (kind, metavar, about) in options.items():
         parser.add_argument(f"--{name.replace('_', '-')}", type=kind, metavar=metavar, help=about)

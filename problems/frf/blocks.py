@@ -20,7 +20,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ancf_casadi.exceptions import InputError
-from ancf_casadi.records.processing import is_clipped
+from ancf_casadi.records.processing import has_flat_top
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.tables import plural
 
@@ -135,12 +135,17 @@ def _find_hits(take: Take, duration: float | None) -> list[tuple[_Hit, str]]:
             fault = "double hit"
         elif is_last and span < (LEAST_SHARE * usual if duration is None else bounce):
             fault = "short time after the hit"
-        elif is_clipped(force[rise:fall]) or any(is_clipped(row[begin:end]) for row in take.channels[1:]):
+        elif has_flat_top(force[begin:end]) or any(map(_is_clipped, take.channels[1:, begin:end])):
             fault = "overload"
         else:
             fault = ""
         hits.append((hit, fault))
     return hits
+
+
+def _is_clipped(values: Array) -> bool:
+    """Return whether values are clipped at either end."""
+    return has_flat_top(values) or has_flat_top(-values)
 
 
 def shaker_blocks(takes: Sequence[Take], duration: float | None, overlap: float) -> Blocks:
@@ -157,7 +162,7 @@ def shaker_blocks(takes: Sequence[Take], duration: float | None, overlap: float)
     for take in takes:
         for begin in range(0, take.channels.shape[1] - size + 1, stride):
             values, count = take.channels[:, begin : begin + size], count + 1
-            if any(is_clipped(row) for row in values):
+            if any(map(_is_clipped, values)):
                 overloads.append(f"{take.begin + begin * take.step:.4g} s")
             else:
                 blocks.append(values)

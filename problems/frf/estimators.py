@@ -4,13 +4,22 @@ With spectra F and Y of force and response in K blocks and their mean products G
 
     H1 = G_fy/G_ff,    H2 = G_yy/conj(G_fy),    Hv = (G_yy/G_ff)^1/2 G_fy/|G_fy|,    gamma^2 = |G_fy|^2/(G_ff G_yy).
 
-H1 is right if the noise is that of the response, H2 if it is that of the force, Hv if both are equally noisy.  Each has
-the variance
+H1 is right if the noise is that of the response, H2 if it is that of the force, Hv if both are equally noisy.  Noise of
+the other channel changes the size of H1 and H2; it changes the damping only where its ratio to the signal changes over
+a resonance, as that of the response does and that of an even force does not: H1 is the default.  Each has the variance
 
     E|H - H_0|^2 = |H|^2 (1 - gamma^2)/gamma^2/K_e,    K_e = K/(1 + 2 sum_j (1 - j/K) rho_j^2),
 
-where rho_j is the correlation of two windows, j blocks apart (Welch).  The noise G_yy (1 - gamma^2) is corrected for
-its K - 1 degrees of freedom, and averaged over neighbouring lines.
+where rho_j is the correlation of two windows, j blocks apart (Welch).  It is computed from the relative deviations of
+the blocks, to first order
+
+    conj(F) (Y - H1 F)/G_fy for H1,    conj(Y) (Y - H2 F)/G_yy for H2,    their mean for Hv,
+
+as the mean of their squares over K_e - 1, averaged over neighbouring lines.  Under a shaker, the deviations also give
+the errors of a fit (``refinement``).  A few hits are too few for that, and most of their scatter does no harm to the
+poles: the error of a short force changes slowly with the frequency, and the rest of an earlier vibration has the same
+poles (``window``).  Their variance is therefore that of second differences along the lines, by the median over
+neighbouring lines, which a resonance does not disturb.
 
 References
 ----------
@@ -23,7 +32,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Literal, get_args
 
 import numpy as np
@@ -36,7 +45,7 @@ from ancf_casadi.records.processing import sampling_step
 from ancf_casadi.response.linear_frf import FrfKind
 from ancf_casadi.support.arrays import Array, ComplexArray, Index
 from ancf_casadi.support.inputs import choice, error_prefix, instances, number, physical
-from problems.frf.blocks import Take, hammer_blocks, shaker_blocks
+from problems.frf.blocks import LEAST_BLOCK, Take, hammer_blocks, shaker_blocks
 from problems.frf.record import LEAST_LINES, SCATTER_LINES, BlockScatter, FrfRecord, moving_mean
 from problems.frf.window import BlockWindow
 
@@ -54,7 +63,9 @@ LARGEST_FREQUENCY = 0.8  # relative to half the sampling rate, beyond which a fi
 LEAST_STD = 1e-6  # relative to the median of a function
 NOISE_LINES = 2  # lines on either side over which the noise under a Hann window is averaged
 POWER_LINES = 5  # lines on either side over which the power of the force is averaged
+RANDOM_SHARE, REST_SHARE = 0.5, 0.01  # mean squares of a random force and of a response at rest, relative to all
 FEWEST_AVERAGES = 6.0  # independent blocks that state the errors of a fit
+TIME_CONSTANTS = 4.0  # of an exponential window, after which a block ends
 SAME_TIME = 0.1  # largest difference of the times of force and response, in steps
 
 
@@ -93,7 +104,8 @@ def frf_of(
     time_constant : float, optional
         Time constant, s, of an exponential window on the blocks of a hammer; none if not given.
     block : float, optional
-        Length of a block, s; up to the next hit, or 20 overlapping blocks under a shaker, if not given.
+        Length of a block, s; if not given, up to the next hit and four time constants at most, and under a shaker that
+        of 20 overlapping blocks.
     overlap : float
         Overlap of the blocks under a shaker, 0 to 0.9.
     kind : str, optional
@@ -142,10 +154,11 @@ def frf_of(
         raise InputError("belongs to the hits of a hammer; a shaker takes window", "time_constant")
     blocks = hammer_blocks(takes, duration) if is_hammer else shaker_blocks(takes, duration, overlap)
     is_hann = not is_hammer and window != "none"
+    if rate and block is None:
+        blocks = replace(blocks, values=blocks.values[:, :, : max(LEAST_BLOCK, round(TIME_CONSTANTS / rate / step))])
     size = blocks.values.shape[2]
     samples = np.arange(size)
     weights = 0.5 - 0.5 * np.cos(2 * np.pi * samples / size) if is_hann else np.exp(-rate * step * samples)
-    import os; DEC=int(os.environ.get("DEC",1)) if is_hann else 1
     averages = len(blocks.values) if is_hammer else _independent_blocks(weights, len(blocks.values), overlap)
     estimate = _estimate(np.fft.rfft(weights * blocks.values), estimator)
     if len(estimate.lines) < LEAST_LINES:
@@ -159,7 +172,7 @@ def frf_of(
             coherence=estimate.coherence,
             std=estimate.std(averages, is_hammer=is_hammer),
             points=points,
-            notes=blocks.notes,
+            notes=(*blocks.notes, *_leakage_notes(blocks.values, is_free=is_hammer or is_hann)),
             window=BlockWindow(size * step, rate, is_hann, estimator),
             scatter=None if deviations is None else BlockScatter(deviations, averages),
         )
@@ -214,8 +227,21 @@ def _independent_blocks(weights: Array, count: int, overlap: float) -> float:
     stride, squares = max(1, round(len(weights) * (1 - overlap))), 0.0
     for j in range(1, min(count, -(-len(weights) // stride))):
         correlation = weights[j * stride :] @ weights[: len(weights) - j * stride] / (weights @ weights)
-        squares += (1 - j / count) * correlation**2
+        squares += float((1 - j / count) * correlation**2)
     return count / (1 + 2 * squares)
+
+
+def _leakage_notes(blocks: Array, *, is_free: bool) -> list[str]:
+    """Return a note if blocks without a window neither repeat nor end at rest, unless they are free of leakage."""
+    changes = blocks[:, 0] - blocks[:, 0].mean(axis=0)
+    end = max(1, blocks.shape[2] // 20)
+    repeats = len(blocks) > 1 and np.mean(changes**2) < RANDOM_SHARE * np.mean(blocks[:, 0] ** 2)
+    if is_free or repeats or np.mean(blocks[:, 1:, -end:] ** 2) < REST_SHARE * np.mean(blocks[:, 1:] ** 2):
+        return []
+    return [
+        "the force does not repeat from block to block, and the response lasts beyond them: leakage adds to the "
+        "damping; use the Hann window, or blocks of one period of the force"
+    ]
 
 
 def _usable_lines(power: Array) -> Index:
@@ -267,10 +293,7 @@ def _estimate(spectra: ComplexArray, estimator: Estimator) -> Estimate:
     values = np.asarray(first * {"H1": 1.0, "H2": 1 / coherence, "Hv": coherence**-0.5}[estimator])
     if len(spectra) < 2:
         return Estimate(lines, values)
-    first_share = {"H1": 1.0, "H2": 0.0, "Hv": 0.5}[estimator]
-    second = first / coherence
-    deviations = values * (
-        first_share * force.conj() * (responses - first * force) / cross
-        + (1 - first_share) * responses.conj() * (responses - second * force) / np.mean(responses.conj() * responses, axis=0)
-    )
-    return Estimate(lines, values, coherence, np.asarray(deviations))
+    by_force = force.conj() * (responses - first * force) / cross
+    by_response = responses.conj() * (responses - first / coherence * force) / np.mean(np.abs(responses) ** 2, axis=0)
+    relative = {"H1": by_force, "H2": by_response, "Hv": (by_force + by_response) / 2}[estimator]
+    return Estimate(lines, values, coherence, np.asarray(values * relative))

@@ -293,7 +293,8 @@ class TrialFit:
         """Number of residuals with white noise that would determine the modes equally well."""
         k, count = self.values.shape
         noise = estimated_noise(self.weighted_residuals, self._basis, *self.series)
-        return float(2 * k * count / max(noise.inflation, 1.0))
+        factor = self.model.window.noise_factor if self.model.window else 1.0
+        return float(2 * k * count / max(noise.inflation, 1.0) / factor)
 
     @cached_property
     def _basis(self) -> Array:

@@ -47,7 +47,7 @@ QUOTIENT = ("transmissibility", "relative-transmissibility")
 
 @dataclass(frozen=True, eq=False)
 class BlockScatter:
-    """Deviations of the blocks from the mean functions, (blocks, functions, k), and the number of independent blocks."""
+    """Deviations of blocks from the mean functions, (blocks, functions, k), and the number of independent blocks."""
 
     deviations: ComplexArray
     averages: float

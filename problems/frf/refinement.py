@@ -71,6 +71,8 @@ LEAST_STD = 1e-6  # standard deviation, relative to the median of the function
 LEAST_REMAINDER = 0.05  # least 1 - h
 SIGNIFICANT_SHARE = 8.0  # least squared size of alpha and beta, in their standard errors; 1 in 3000 by chance
 FEWEST_LINES = 3.0  # least number of lines in the half-power bandwidth
+FEWEST_MODELLED_LINES = 0.3  # the same, if the window of the blocks is modelled
+LARGEST_REMAINDER = 0.02  # of a vibration at the end of a block, relative to its begin
 COHERENCE_LINES = 4  # lines on either side over which a variance from the coherence is averaged
 SLOW_VALUES = 100  # complex values in each mean of g, times their relative variance
 CHANCE = 1e-4  # probability below which differences of the means in g are not due to chance
@@ -117,14 +119,14 @@ def correct_covariance(trial: TrialFit, fit: Fit, scatter: BlockScatter | None =
         covariance[np.ix_(free, free)] = _block_covariance(trial, fit.jacobian[:, free], scatter)
         return replace(fit, covariance=covariance, noise=replace(fit.noise, freedom=scatter.averages - 1))
     covariance = inflation(trial, fit) * fit.covariance
-    if (window := trial.model.window) is not None:
-        covariance = covariance * 2 / (1 + math.exp(-2 * window.rate * window.duration))
+    if trial.model.window is not None:
+        covariance = trial.model.window.noise_factor * covariance
     if trial.values.shape[1] > 1 and free.any() and fit.residual_rms > 0.0:
         q, triangle = tall_qr(fit.jacobian[:, free] * fit.scale[free])
         scaled = triangle / fit.scale[free]
-        scatter = scaled @ covariance[np.ix_(free, free)] @ scaled.T
+        power = scaled @ covariance[np.ix_(free, free)] @ scaled.T
         inverse = np.linalg.inv(scaled)
-        eigenvalues, vectors = np.linalg.eigh((scatter + scatter.T) / 2)
+        eigenvalues, vectors = np.linalg.eigh((power + power.T) / 2)
         root = (vectors * np.sqrt(np.maximum(eigenvalues, 0.0))) @ vectors.T
         larger = root @ (np.eye(len(root)) + _shared_noise(trial, q)) @ root
         covariance[np.ix_(free, free)] = inverse @ larger @ inverse.T
@@ -185,11 +187,21 @@ def limitations(trial: TrialFit, fit: Fit) -> list[str]:
         width = 2 * ζ * frequency
         place = int(np.clip(np.searchsorted(f, frequency), 1, len(f) - 1))
         spacing = float(f[place] - f[place - 1])
-        if width < FEWEST_LINES * spacing:
+        window = trial.model.window
+        is_modelled = window is not None and (window.leakage or not window.hann)
+        if width < (FEWEST_MODELLED_LINES if is_modelled else FEWEST_LINES) * spacing:
             notes.append(
                 f"mode {k}: its half-power bandwidth of {width:.3g} Hz holds few frequencies, which are {spacing:.3g} "
                 "Hz apart; leakage in the measurement may add to the damping, and a finer resolution would show it"
             )
+        if window is not None and not window.hann:
+            remainder = math.exp(-(window.rate + math.pi * width) * window.duration)
+            if remainder > LARGEST_REMAINDER:
+                notes.append(
+                    f"mode {k}: {100 * remainder:.2g} % of its vibration is left at the end of a block of "
+                    f"{window.duration:.3g} s; frequency and damping allow for it, but modal constants are off by as "
+                    "much: wait longer between hits"
+                )
         if frequency - width / 2 < f[0] or frequency + width / 2 > f[-1]:
             notes.append(f"mode {k}: its resonance at {frequency:.4g} Hz is at the end of the band; widen the band")
         error = fit.standard_errors[f"damping_ratio_{k}"]

@@ -3,9 +3,10 @@
 Exponential window.  The factor exp(-a t) on force and response shifts the Laplace variable: the functions are those at
 s = a + i omega, exactly.
 
-End of a block.  A transient response that begins before a block or goes on beyond it adds, at the lines n/T of a block
-of T seconds without another window, free vibrations of the same poles with the factor 1 - exp((s_k - a) T).  Poles and
-damping stay; modal constants change by this factor.
+Ends of a block.  A free vibration that is left from an earlier hit, or cut off at the end, adds to the spectrum at the
+lines n/T of a block of T seconds the same poles with other residues.  After the division by the spectrum of a short
+force near the begin of the block, which is smooth, poles and damping stay.  Modal constants change, after rest by the
+factor 1 - exp((s_k - a) T).
 
 Hann window.  If the power of a random force is even over the width of a line, the mean of the cross-spectrum over
 blocks is that of the impulse response times the autocorrelation of the window,
@@ -33,6 +34,7 @@ import numpy as np
 
 from ancf_casadi.support.arrays import ComplexArray
 
+Moments = tuple[ComplexArray, ComplexArray, ComplexArray, ComplexArray]
 SERIES_RADIUS = 0.02  # |u| below which E and L follow from their power series
 SERIES = [(-1.0) ** n / math.factorial(n + 1) for n in range(8)]  # of E; its terms from the second on are those of -u L
 
@@ -51,6 +53,15 @@ class BlockWindow:
         """Whether R describes the resonances; the leakage of other estimators than H1 is not modelled."""
         return self.hann and self.estimator == "H1"
 
+    @property
+    def noise_factor(self) -> float:
+        """Power of white noise under an exponential window as the modes meet it, over that which its parts show.
+
+        The noise, like the vibration, has most power at the begin of a block.  Its real and imaginary parts, each for
+        itself, show the mean of the powers at the times t and T - t.
+        """
+        return 2 / (1 + math.exp(-2 * self.rate * self.duration))
+
     def resonance(self, z: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
         """Return R and its derivative by z."""
         u, turn, duration = z * self.duration, 2j * np.pi, self.duration
@@ -62,18 +73,20 @@ class BlockWindow:
         return duration * value, duration**2 * slope
 
 
-def _moments(u: ComplexArray) -> tuple[ComplexArray, ComplexArray, ComplexArray, ComplexArray]:
+def _moments(u: ComplexArray) -> Moments:
     """Return E, its derivative, L and its derivative."""
     is_small = np.abs(u) < SERIES_RADIUS
-    v = np.where(is_small, 1.0, u)
-    e = (1 - np.exp(-v)) / v
-    e_slope = (np.exp(-v) - e) / v
-    moments = e, e_slope, (1 - e) / v, -(e_slope + (1 - e) / v) / v
+    v: ComplexArray = np.where(is_small, 1.0, u).astype(complex)
+    e = np.asarray((1 - np.exp(-v)) / v)
+    e_slope = np.asarray((np.exp(-v) - e) / v)
+    even = np.asarray((1 - e) / v)
+    moments: Moments = e, e_slope, even, np.asarray(-(e_slope + even) / v)
     if not is_small.any():
         return moments
     first, second = np.polynomial.Polynomial(SERIES), np.polynomial.Polynomial([-c for c in SERIES[1:]])
     series = first, first.deriv(), second, second.deriv()
     e, e_slope, even, even_slope = (
-        np.where(is_small, polynomial(u), moment) for polynomial, moment in zip(series, moments, strict=True)
+        np.asarray(np.where(is_small, polynomial(u), moment))
+        for polynomial, moment in zip(series, moments, strict=True)
     )
     return e, e_slope, even, even_slope

@@ -1,9 +1,12 @@
 """Force and acceleration over time of two modes under a hammer or a shaker, with noise on both channels."""
 
+from functools import partial
+
 import numpy as np
 from scipy.signal import butter, cont2discrete, lfilter, sosfilt
 
 from ancf_casadi import Measurement, Sensor
+from problems import fit_frf, frf_of
 
 MODES = ((8.0, 0.010, 1.0), (21.0, 0.006, -0.6))  # frequency (Hz), damping ratio, modal constant (1/kg)
 RATE, FINER = 200.0, 10  # samples per second of the records, and of the simulation per sample
@@ -50,9 +53,28 @@ def shaker(rng, *, duration=200.0, noise=(1e-2, 1e-2)):
     return tuple(record.cut(20.0) for record in records)
 
 
-def hits_of(fit, level=0.95):
+def fit_records(records, settings, seed):
+    """Fit the functions that the records of a seed give."""
+    record = frf_of(*records(np.random.default_rng(seed)), **settings)
+    return fit_frf(record, frequencies=[mode[0] for mode in MODES])
+
+
+def intervals_hold(fit, level=0.95):
     """Whether the interval of each frequency and damping ratio holds the truth, and the standardised errors."""
-    truth = {f"{name}_{k}": value for k, mode in enumerate(MODES, 1)
-             for name, value in zip(("frequency", "damping_ratio"), mode)}  # fmt: skip
+    truth = {}
+    for k, (frequency, ratio, _) in enumerate(MODES, start=1):
+        truth |= {f"frequency_{k}": frequency, f"damping_ratio_{k}": ratio}
     intervals, errors, estimates = fit.intervals(level), fit.standard_errors, fit.estimates
     return [(intervals[n][0] <= v <= intervals[n][1], (estimates[n] - v) / errors[n]) for n, v in truth.items()]
+
+
+CASES = {  # records of a random generator, and settings of frf_of
+    "hammer": (hammer, {}),
+    "exponential window": (hammer, {"time_constant": 3.0}),
+    "double hits": (partial(hammer, bounces=(1, 3)), {}),
+    "early hits": (partial(hammer, hits=(1.0, 4.0, 7.0, 10.0, 13.0, 16.0), end=19.5), {}),  # 22 % of mode 1 is left
+    "one hit": (partial(hammer, hits=(1.0,), end=15.0), {}),
+    "shaker": (shaker, {}),
+    "short shaker": (partial(shaker, duration=40.0), {}),  # 0.6 lines per half-power bandwidth
+    "noisy force": (partial(shaker, noise=(1e-2, 5e-2)), {}),
+}

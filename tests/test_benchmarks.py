@@ -76,6 +76,7 @@ SMALLEST = [
     selection("fit_coverage", "20-0 or 0-20 or constant-5 or 5-constant", 2),
     Smallest("fit_speed", "--scale 0.1 --case release",
              r"release, .* fit_beam (\S+) s, SciPy (\S+) s, ratio (\S+)", 1, positive),
+    Smallest("frf_coverage", "--runs 1 --case hammer", r"\| hammer \| (\S+), (\S+), (\S+), (\S+) \|", 1, percentages),
     Smallest("imports", "--runs 1", r"(?:import|from|ancf-casadi) .* (\S+) s +(\S+)", 12,
              lambda seconds, ratio: 0.0 <= seconds and ratio >= 0.0),
     Smallest("integrators", "--cases drag --methods idas --seconds 0.1", r"drag +\w+ +(\S+) +(\S+) +(\S+) +(\d+)",

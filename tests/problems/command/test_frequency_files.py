@@ -17,6 +17,7 @@ from ancf_casadi import (
 )
 from problems.spec.records import Measurements
 from tests.problems.conftest import STRIP
+from tests.problems.frf.time_records import MODES, hammer
 
 F = np.linspace(5.0, 25.0, 401)
 BEAM = f"""{STRIP}elements = 4
@@ -63,6 +64,58 @@ class TestFitFrf:
     )
     def test_unusable_arguments_are_refused_in_one_line(self, run, functions, options, message):
         done = run("fit-frf", functions, *options)
+        (line,) = done.err.strip().splitlines()
+        assert done.code == 2 and message in line
+
+
+class TestHits:
+    @pytest.fixture
+    def hits(self, tmp_path):
+        """Write two files of hits, in N and mm/s^2."""
+        for seed, bounces in ((0, ()), (1, (1,))):
+            force, response = hammer(np.random.default_rng(seed), bounces=bounces)
+            table = np.column_stack([force.time, force.values, 1e3 * response.values])
+            header = "t (s),hammer (N),tip (mm/s^2)"
+            np.savetxt(tmp_path / f"{seed}.csv", table, fmt="%.7g", delimiter=",", header=header, comments="")
+        return "0.csv", "1.csv"
+
+    def test_files_are_averaged(self, run, hits):
+        done = run(
+            "fit-frf", *hits, "--force", "hammer (N)", "--response", "tip (mm/s^2)", "--frequencies", "8,21", "--json"
+        )
+        assert (done.code, done.err) == (0, "")
+        data = json.loads(done.out)
+        assert data["functions"] == "accelerance"
+        assert "left out: double hit at 13.01 s of 1.csv" in data["warnings"]
+        for mode, (frequency, ratio, constant) in zip(data["modes"], MODES, strict=True):
+            assert mode["frequency_hz"] == pytest.approx(frequency, rel=1e-3)
+            assert mode["damping_ratio"] == pytest.approx(ratio, rel=0.02)
+            assert mode["constants_real"][0][0] == pytest.approx(constant, rel=0.02)
+
+    def test_units_of_a_file_without_any(self, run, tmp_path, hits):
+        table = np.loadtxt(tmp_path / "0.csv", delimiter=",", skiprows=1)
+        np.savetxt(tmp_path / "bare.csv", table, delimiter=",", header="t,F,a", comments="")
+        settings = ["--force", "F", "--response", "a", "--frequencies", "8,21", "--json", "--time-constant", "3"]
+        constants = []
+        for unit in ("mm/s^2/N", "(m/s^2)/kN"):
+            done = run("fit-frf", "bare.csv", *settings, "--unit", unit)
+            assert done.code == 0, done.err
+            constants.append(json.loads(done.out)["modes"][0]["constants_real"][0][0])
+        assert constants == pytest.approx([1.0, 1.0], rel=0.02)
+
+    @pytest.mark.parametrize(
+        ("options", "message"),
+        [
+            (["--force", "2"], "--response: is needed beside --force"),
+            (["--response", "3"], "--response: belongs to records over time; give --force as well"),
+            (["--force", "2", "--response", "3", "--phase", "3"], "--phase: belongs to values over frequency"),
+            (["--force", "2", "--response", "3", "--unit", "g"], "--unit: must be units of response and force"),
+            (["--force", "2", "--response", "9"], "there is no such column"),
+            (["--force", "2", "--response", "3", "--window", "hann"], "window: belongs to a shaker"),
+        ],
+    )
+    def test_unusable_arguments_are_refused_in_one_line(self, run, hits, options, message):
+        done = run("fit-frf", hits[0], *options)
         (line,) = done.err.strip().splitlines()
         assert done.code == 2 and message in line
 

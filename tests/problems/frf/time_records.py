@@ -36,12 +36,12 @@ def take(force, rng, response_noise, force_noise):
 
 
 def hammer(rng, *, hits=(1.0, 13.0, 27.0, 39.0), end=52.0, bounces=(), noise=(3e-3, 3e-3)):
-    """Half-sine hits of random height, 20 ms long; bounces follow after 0.12 s."""
+    """Hits of random height, smooth pulses of 30 ms; bounces follow after 0.12 s."""
     time = np.arange(round(end * RATE * FINER)) / (RATE * FINER)
     force = np.zeros(len(time))
     for hit in (*hits, *(hits[k] + 0.12 for k in bounces)):
-        inside = (time >= hit) & (time <= hit + 0.02)
-        force += inside * rng.uniform(20.0, 60.0) * np.sin(np.pi * (time - hit) / 0.02)
+        inside = (time >= hit) & (time <= hit + 0.03)
+        force += inside * rng.uniform(20.0, 60.0) * np.sin(np.pi * (time - hit) / 0.03) ** 2
     return take(force, rng, *noise)
 
 

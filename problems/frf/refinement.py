@@ -64,6 +64,7 @@ from ancf_casadi.support.tall import tall_qr
 from problems.decay.limitations import IMPRECISE, MAX_ORDER
 from problems.frf.modal_sum import LARGEST_RATIO, RESIDUAL_POWERS, TrialFit, stack_parts
 from problems.frf.record import BlockScatter, FrfRecord, moving_mean
+from problems.frf.window import BlockWindow
 
 FRF_ADVICE = "give approximate frequencies, ask for fewer modes, or choose a band"
 LOG_BOUNDS = (-30.0, 30.0)  # of the logarithm of B/A, relative to the first guess
@@ -73,6 +74,7 @@ SIGNIFICANT_SHARE = 8.0  # least squared size of alpha and beta, in their standa
 FEWEST_LINES = 3.0  # least number of lines in the half-power bandwidth
 FEWEST_MODELLED_LINES = 0.3  # the same, if the window of the blocks is modelled
 LARGEST_REMAINDER = 0.02  # of a vibration at the end of a block, relative to its begin
+TIMES_PER_LINE = 4  # instants of a sum over time
 COHERENCE_LINES = 4  # lines on either side over which a variance from the coherence is averaged
 SLOW_VALUES = 100  # complex values in each mean of g, times their relative variance
 CHANCE = 1e-4  # probability below which differences of the means in g are not due to chance
@@ -119,8 +121,9 @@ def correct_covariance(trial: TrialFit, fit: Fit, scatter: BlockScatter | None =
         covariance[np.ix_(free, free)] = _block_covariance(trial, fit.jacobian[:, free], scatter)
         return replace(fit, covariance=covariance, noise=replace(fit.noise, freedom=scatter.averages - 1))
     covariance = inflation(trial, fit) * fit.covariance
-    if trial.model.window is not None:
-        covariance = trial.model.window.noise_factor * covariance
+    if trial.model.window is not None and trial.model.window.rate:
+        windowed = _windowed_covariance(trial, fit.jacobian[:, free], trial.model.window)
+        covariance[np.ix_(free, free)] = inflation(trial, fit) * fit.noise.variance * windowed
     if trial.values.shape[1] > 1 and free.any() and fit.residual_rms > 0.0:
         q, triangle = tall_qr(fit.jacobian[:, free] * fit.scale[free])
         scaled = triangle / fit.scale[free]
@@ -139,6 +142,21 @@ def _block_covariance(trial: TrialFit, jacobian: Array, scatter: BlockScatter) -
     rows = np.concatenate([weighted.real, weighted.imag], axis=2).reshape(len(weighted), -1)
     changes = np.linalg.lstsq(jacobian, rows.T)[0]
     return np.asarray(changes @ changes.T / len(weighted) / (scatter.averages - 1))
+
+
+def _windowed_covariance(trial: TrialFit, jacobian: Array, window: BlockWindow) -> Array:
+    """Return the covariance of the estimates for white noise under an exponential window, and residuals of variance 1.
+
+    With the weights q of the residuals in an estimate, it changes by Re sum_k q_k e_k.  The noise e_k is the transform
+    of noise over time with the variance exp(-2 a t), and so the variance is a sum over time.
+    """
+    k, count = trial.values.shape
+    inverse = np.linalg.pinv(jacobian).reshape(-1, count, 2, k)
+    time = window.duration * np.arange(TIMES_PER_LINE * k) / (TIMES_PER_LINE * k)
+    over_time = np.fft.fft(inverse[:, :, 0] - 1j * inverse[:, :, 1], len(time))
+    over_time = (over_time * np.exp(-2j * np.pi * trial.model.frequencies[0] * time)).real
+    power = np.exp(-2 * window.rate * time)
+    return np.asarray(2 * np.einsum("aft,bft,t->ab", over_time, over_time, power / power.sum()))
 
 
 def _shared_noise(trial: TrialFit, basis: Array) -> Array:

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from problems.beam.result import BeamFit as BeamFit
     from problems.beam.values.records import FrequencyRecord as FrequencyRecord
     from problems.beam.values.records import StaticRecord as StaticRecord
+    from problems.decay.amplitudes import AmplitudeFit as AmplitudeFit
     from problems.decay.comparison import compare_decay_laws as compare_decay_laws
     from problems.decay.fitting import fit_decay as fit_decay
     from problems.decay.fitting import fit_decays as fit_decays

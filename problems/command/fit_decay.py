@@ -26,6 +26,7 @@ from problems.command.output import (
     comma_numbers,
     figure_writers,
     file_writers,
+    finite,
     new_files,
     positive_count,
     result_output,
@@ -54,6 +55,9 @@ def add_fit_decay(parser: argparse.ArgumentParser) -> None:
     )
     curve = "write damping ratio and frequency against amplitude: windows without a law, and the law with its band"
     add_options(parser, band=(comma_numbers, "LOW,HIGH", band), curve=(Path, "FILE.csv", curve))
+    about = "what the record holds: the oscillation, or its amplitudes over time (default: motion)"
+    parser.add_argument("--quantity", choices=("motion", "amplitude"), default="motion", help=about)
+    add_options(parser, frequency=(finite, "HZ", "natural frequency of amplitudes, for a damping ratio"))
     add_plot(parser, "draw the record and the fit")
     add_record_options(parser)
 
@@ -77,6 +81,11 @@ def run_fit_decay(options: argparse.Namespace) -> Output:
     """Fit the decays."""
     _check(options)
     _check_outputs(options, len(options.files))
+    if options.quantity == "amplitude":
+        record = read_record(options.files[0], options)
+        with error_prefix(options.files[0]):
+            settings = {"law": options.law, "frequency": options.frequency, "robust": options.robust}
+            return result_output(fit_decay(record, quantity="amplitude", **settings), options.plot)
     times = releases(options, len(options.files))
     records = [read_record(path, options) for path in options.files]
     if options.release == "all":
@@ -116,6 +125,13 @@ def _check(options: argparse.Namespace) -> None:
         "--modes": (options.modes is not None, "fits modes with linear damping to one record", {
             "several files": several, f"--law {options.law}": options.law != "linear", "--robust": options.robust,
             **given_options("frequency_law", "rest", "band", "curve"),
+        }),
+        "--quantity amplitude": (options.quantity == "amplitude", "fits amplitudes of one record", {
+            "several files": several, "--release all": options.release == "all",
+            **given_options("frequency_law", "rest", "modes", "band", "curve", "release_time", "decimate"),
+        }),
+        "--frequency": (options.frequency is not None, "belongs to --quantity amplitude", {
+            "the oscillation, which shows it": options.quantity == "motion",
         }),
         automatic: (bool(automatic), "compares sums of squares on one record", {
             "several files": several, "--robust": options.robust,

@@ -29,6 +29,7 @@ from ancf_casadi.support.inputs import physical
 from ancf_casadi.support.tables import Table, finite_or_none
 from problems.command.output import Output, add_plot, figure_writers, new_files
 from problems.command.record_options import FILE_KEYS, add_record_options
+from problems.decay.amplitudes import is_amplitude_decay
 
 MOST_CHANNELS_SHOWN = 40  # channels in the table
 EPILOG = """\
@@ -46,6 +47,7 @@ a table with other rows or columns around it is read with --names-row,
 --skip-rows and --leave-out; values over frequency, complex or as amplitude and phase, are fitted by fit-frf
 (frequency response functions) and a study with [[curves]] (steady vibration)
 """
+AMPLITUDES = "amplitudes of a decay, without the oscillation"
 SPECTRUM_SAMPLES = 10  # samples of a spectrum
 
 
@@ -158,6 +160,8 @@ def _plan(recording: Recording, options: argparse.Namespace, problem: str) -> di
         time, values = even[0][detected.index :], even[1][detected.index :]
         release, reason = float(time[0]), detected.reason
         periods = _peak(time, values) * float(time[-1] - release)
+    if is_amplitude_decay(channel.name, record.values):
+        release, reason, periods = float(record.time[0]), AMPLITUDES, math.nan
     samples = int((record.time >= release).sum())
     column, quantity = f"{channel.number} '{channel.name}'", record.sensor.quantity
     return plan | {"column": column, "quantity": quantity, "samples": samples, "release": release, "reason": reason,
@@ -227,12 +231,15 @@ def _advice(options: argparse.Namespace, recording: Recording, plan: Mapping[str
             lines.append(f"Column {widest.label} has the widest range; see {_command('inspect', options, widest.name)}")
         return lines
     periods = f", about {plan['periods']:.0f} periods" if math.isfinite(plan["periods"]) else ""
+    command = _command("fit-decay", options, options.column)
+    if plan["reason"] == AMPLITUDES:
+        command += " --quantity amplitude [--frequency HZ]"
     return [
         "A fit would use column {column} as {quantity}, from {release:g} s ({reason}) on: {samples} samples".format(
             **plan
         )
         + periods,
-        f"Next: {_command('fit-decay', options, options.column)}",
+        f"Next: {command}",
     ]
 
 

@@ -20,7 +20,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from types import NoneType
-from typing import Any, Literal, get_args
+from typing import Any, Literal, get_args, overload
 
 from numpy.typing import ArrayLike
 
@@ -31,13 +31,43 @@ from ancf_casadi.exceptions import InputError
 from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.support.inputs import check_instance, choice, flag, instances, numbers
 from ancf_casadi.support.interrupts import lasting_interrupts
+from problems.decay.amplitudes import AmplitudeFit, AmplitudeLaw, fit_amplitudes
 from problems.decay.comparison import combinations, compare_models, comparison_arguments
-from problems.decay.free_decay import clean_record, cut_at_release
+from problems.decay.free_decay import as_record, clean_record, cut_at_release
 from problems.decay.laws import RATIO_BOUNDS, DecayModel, Law
 from problems.decay.limitations import refuse_unexplained
 from problems.decay.result import DecayFit
 from problems.decay.solution import fit_one_mode
 from problems.decay.takes import DecayFits
+
+
+@overload
+def fit_decay(
+    time: Measurement | ArrayLike,
+    displacement: ArrayLike | None = None,
+    *,
+    quantity: Literal["amplitude"],
+    frequency: float | None = None,
+    law: AmplitudeLaw = "linear",
+    robust: bool = False,
+) -> AmplitudeFit: ...
+
+
+@overload
+def fit_decay(
+    time: Measurement | ArrayLike,
+    displacement: ArrayLike | None = None,
+    *,
+    law: Law | Literal["auto"] = "linear",
+    frequency_law: FrequencyLaw | Literal["auto"] | None = None,
+    rest: Rest | Literal["auto"] | None = None,
+    release_time: float | None = None,
+    ratio_bounds: tuple[float, float] = RATIO_BOUNDS,
+    priors: Priors | None = None,
+    robust: bool = False,
+    quantity: Literal["motion"] = "motion",
+    frequency: None = None,
+) -> DecayFit: ...
 
 
 @lasting_interrupts()
@@ -52,7 +82,9 @@ def fit_decay(
     ratio_bounds: tuple[float, float] = RATIO_BOUNDS,
     priors: Priors | None = None,
     robust: bool = False,
-) -> DecayFit:
+    quantity: Literal["motion", "amplitude"] = "motion",
+    frequency: float | None = None,
+) -> DecayFit | AmplitudeFit:
     """Fit a free decay.
 
     Parameters
@@ -84,6 +116,11 @@ def fit_decay(
         ``{"frequency": (1.91, 0.01)}``.  Not with ``auto``.
     robust : bool
         Whether to use the pseudo-Huber loss, which limits the influence of outliers.
+    quantity : {"motion", "amplitude"}
+        What the record holds: the oscillation, or its amplitudes over time, as read off a screen or by a lock-in
+        amplifier, under one of the first four laws.  The result is then an ``AmplitudeFit``.
+    frequency : float, optional
+        Natural frequency of amplitudes, Hz, for a damping ratio; without it, the rates of decay follow.
 
     Raises
     ------
@@ -105,7 +142,22 @@ def fit_decay(
     1.910 Hz, 0.83 %
     >>> fit.warnings
     ()
+    >>> amplitudes = [20.0, 16.2, 13.5, 11.0, 8.9, 7.4]  # read off a screen
+    >>> read_off = fit_decay([0, 2, 4, 6, 8, 10], amplitudes, quantity="amplitude", frequency=1.91)
+    >>> print(f"{100 * read_off.estimates['damping_ratio']:.2f} %")
+    0.83 %
     """
+    choice(quantity, ("motion", "amplitude"), "quantity")
+    if quantity == "amplitude":
+        unused = {"frequency_law": frequency_law, "rest": rest, "release_time": release_time, "priors": priors}
+        for name, value in unused.items():
+            if value is not None:
+                raise InputError("does not go with amplitudes, which have no oscillation; leave it out", name)
+        return fit_amplitudes(as_record(time, displacement), law, frequency, robust=flag(robust, "robust"))
+    if frequency is not None:
+        raise InputError(
+            "belongs to quantity='amplitude'; the oscillation shows it, and priors may state it", "frequency"
+        )
     choice(law, (*get_args(Law), "auto"), "law")
     choice("constant" if frequency_law is None else frequency_law, (*get_args(FrequencyLaw), "auto"), "frequency_law")
     choice("constant" if rest is None else rest, (*get_args(Rest), "auto"), "rest")

@@ -38,13 +38,18 @@ NOISE_FREE = 1e-6  # residual relative to the amplitude, below which there is no
 
 def clean_record(time: Measurement | ArrayLike, displacement: ArrayLike | None = None) -> Measurement:
     """Return a record, or times (s) and displacements (m) as a record, without outliers."""
+    return without_outliers(as_record(time, displacement))
+
+
+def as_record(time: Measurement | ArrayLike, displacement: ArrayLike | None = None) -> Measurement:
+    """Return a record, or times (s) and displacements (m) as a record."""
     if isinstance(time, Measurement) and displacement is not None:
         raise InputError("is part of the record already; leave it out", "displacement")
     if not isinstance(time, Measurement):
         if displacement is None:
             raise InputError("is missing; give it after the times, or give a Measurement", "displacement")
         time = Measurement(time, displacement)
-    return without_outliers(time)
+    return time
 
 
 @dataclass(frozen=True)

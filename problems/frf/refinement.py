@@ -51,10 +51,10 @@ from typing import Any
 
 import casadi as cs
 import numpy as np
-from scipy.optimize import minimize_scalar
 from scipy.special import chdtri
 
 from ancf_casadi.estimation.fit import Fit
+from ancf_casadi.estimation.noise.proportional import proportional_variance
 from ancf_casadi.estimation.noise.series import MOST_CONCENTRATION, concentration
 from ancf_casadi.estimation.solver.least_squares import least_squares
 from ancf_casadi.estimation.solver.unknown import Unknown
@@ -67,7 +67,6 @@ from problems.frf.record import BlockScatter, FrfRecord, moving_mean
 from problems.frf.window import BlockWindow
 
 FRF_ADVICE = "give approximate frequencies, ask for fewer modes, or choose a band"
-LOG_BOUNDS = (-30.0, 30.0)  # of the logarithm of B/A, relative to the first guess
 LEAST_STD = 1e-6  # standard deviation, relative to the median of the function
 LEAST_REMAINDER = 0.05  # least 1 - h
 SIGNIFICANT_SHARE = 8.0  # least squared size of alpha and beta, in their standard errors; 1 in 3000 by chance
@@ -289,28 +288,13 @@ def fitted_deviations(residuals: ComplexArray, amplitude: Array, leverage: Array
     """Return the standard deviations that residuals, absolute values and leverage of a fit show, all (k, F)."""
     squares = np.abs(residuals) ** 2 / np.maximum(1 - leverage, LEAST_REMAINDER)
     floor = (LEAST_STD * np.median(amplitude, axis=0)) ** 2
-    variance = np.column_stack([_variance(*columns) for columns in zip(squares.T, amplitude.T**2, strict=True)])
+    variance = np.column_stack(
+        [proportional_variance(*columns) for columns in zip(squares.T, amplitude.T**2, strict=True)]
+    )
     floor = np.maximum(floor, np.finfo(float).tiny)
     variance = np.maximum(variance, floor)
     variance = variance * _slow_factor(np.mean(squares / variance, axis=1))[:, None]
     return np.sqrt(np.maximum(variance, floor))
-
-
-def _variance(squares: Array, power: Array) -> Array:
-    """Return A + B |H|^2 (k,) for the squared residuals of a function."""
-    if not squares.any():
-        return np.zeros(len(squares))
-    quiet = float(np.median(squares[power <= np.median(power)])) or float(squares.mean())
-    relative = float(np.median(squares / np.maximum(power, LEAST_STD * power.max()))) or quiet / float(power.mean())
-
-    def deviance(logarithm: float) -> float:
-        """Return the deviance with the common factor of A and B that makes it least."""
-        variance = quiet + math.exp(logarithm) * relative * power
-        return len(power) * math.log(np.mean(squares / variance)) + float(np.sum(np.log(variance)))
-
-    share = math.exp(minimize_scalar(deviance, bounds=LOG_BOUNDS, method="bounded").x)
-    variance = quiet + share * relative * power
-    return np.asarray(variance * np.mean(squares / variance))
 
 
 def _slow_factor(ratio: Array) -> Array:

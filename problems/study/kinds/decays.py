@@ -71,7 +71,7 @@ def fit_plain(decay: Decay, law: str, rest: Rest | None, formats: tuple[str, ...
     release = None if math.isnan(decay.release_time) else decay.release_time
     record = decay.record
     with error_prefix(record.name):
-        fit: DecayFit = fit_decay(record, law=law, rest=rest, release_time=release)  # type: ignore[arg-type]
+        fit: DecayFit = fit_decay(record, law=law, rest=rest, release_time=release)  # type: ignore[call-overload]
     unbounded = None
     if fit.law == "quadratic":
         eta1, eta2, covariance = unbounded_coefficients(fit)

@@ -246,3 +246,29 @@ class TestDecimate:
         done = run("fit-decay", "a.csv", *options)
         (line,) = done.err.strip().splitlines()
         assert done.code == 2 and message in line
+
+
+class TestAmplitudes:
+    @pytest.fixture
+    def table(self, tmp_path):
+        time = np.linspace(0.0, 20.0, 40)
+        amplitudes = 30.0 * np.exp(-0.1 * time) * (1 + 0.02 * np.random.default_rng(0).normal(size=40))
+        rows = np.column_stack([time, amplitudes])
+        np.savetxt(tmp_path / "read.csv", rows, delimiter=",", header="t (s),amplitude (mm)", comments="")
+        return "read.csv"
+
+    def test_inspect_names_the_command(self, run, table):
+        assert "--quantity amplitude [--frequency HZ]" in run("inspect", table).out
+
+    def test_fit(self, run, table):
+        done = run("fit-decay", table, "--quantity", "amplitude", "--frequency", "2", "--plot", "fit.png")
+        assert done.code == 0, done.err
+        assert "linear decay of 40 amplitudes, 2 Hz" in done.out and "damping_ratio  0.00" in done.out
+
+    @pytest.mark.parametrize(
+        "options",
+        [["--frequency", "2"], ["--quantity", "amplitude", "--modes"], ["--quantity", "amplitude", "--rest", "zero"]],
+    )
+    def test_options_that_do_not_go_together(self, run, table, options):
+        done = run("fit-decay", table, *options)
+        assert done.code == 2 and "it does not go with" in done.err

@@ -1,0 +1,243 @@
+"""Amplitudes of a decay over time, without the oscillation: read off a screen, an envelope, or a lock-in amplifier.
+
+The damping laws are those of a decay (``laws``): the amplitude A(t) has the same closed form.  Without the frequency,
+which linear and quadratic damping do not need, the results are the rates of
+
+    A' = -(c + a A + b A^2),
+
+that is ``friction_rate`` c, ``linear_rate`` a and ``quadratic_rate`` b, and the ``decay_rate`` -A'/A at the first time.
+With it, they are the damping ratio and coefficients of ``DecayFit``; the frequency counts as known.
+
+Noise.  Each amplitude has the variance s^2 + (r A)^2, with the fitted A: additive noise s, as of an instrument, and
+multiplicative noise r, as of readings on a logarithmic scale.  Both follow from the residuals
+(``ancf_casadi.estimation.noise.proportional``); one of them is taken as zero unless the criterion BIC of the
+likelihood needs both, since a few amplitudes determine two badly.  The report states which was assumed.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any, Literal, get_args
+
+import casadi as cs
+import numpy as np
+
+from ancf_casadi.decay.first_guess import DecayGuess
+from ancf_casadi.estimation.block import Account, Block, Fitted
+from ancf_casadi.estimation.fit import Quantities
+from ancf_casadi.estimation.intervals import derived_intervals
+from ancf_casadi.estimation.noise.proportional import proportional_variance
+from ancf_casadi.estimation.prediction import TIME_AXIS, PredictedChannel, RecordPrediction
+from ancf_casadi.estimation.result import BlocksResult
+from ancf_casadi.estimation.solve import FitProblem, solve
+from ancf_casadi.exceptions import InputError
+from ancf_casadi.records.measurement import Measurement
+from ancf_casadi.support.arrays import Array
+from ancf_casadi.support.inputs import check_instance, choice, physical
+from problems.decay.laws import DAMPING_TERMS, DECAY_QUANTITIES, DecayModel, Law
+
+LEAST_AMPLITUDES = 6
+MANY_PERIODS = 1e4  # periods in a record of unknown frequency, which matters only for the last period before a stop
+FIRST_DEVIATION = 0.01  # relative, of the first fit
+NEGLIGIBLE = 1e-9  # least standard deviation, relative to the first amplitude
+AmplitudeLaw = Literal["linear", "quadratic", "friction", "power"]
+RATES = {"eta1": "linear_rate", "eta2": "quadratic_rate", "eta0": "friction_rate"}
+AMPLITUDE_NAME = re.compile(r"amplitude|\bampl?\b|envelope|ring.?down|magnitude|h.llkurve", re.IGNORECASE)
+INSPECTED_PARTS, MOST_RISE = 20, 0.2  # parts of a record, and share of the fall by which their means may rise in all
+
+
+def is_amplitude_decay(name: str, values: Array) -> bool:
+    """Return whether a column is named for amplitudes, and its values are positive and decay without oscillation."""
+    if AMPLITUDE_NAME.search(name) is None or len(values) < LEAST_AMPLITUDES or not (values > 0.0).all():
+        return False
+    means = np.array([part.mean() for part in np.array_split(values, min(INSPECTED_PARTS, len(values)))])
+    steps = np.diff(means)
+    return bool(means[-1] < means[0] / 1.2 and steps[steps > 0.0].sum() < MOST_RISE * (means[0] - means[-1]))
+
+
+@dataclass(frozen=True, eq=False)
+class AmplitudeBlock(Block):
+    """Amplitudes (m,) at times (m,), s, from the first one on, under a law with a known frequency."""
+
+    record: Measurement
+    model: DecayModel
+    ω: float
+    deviations: Array  # standard deviations (m,)
+    noise: str = "multiplicative"
+
+    closed_form = True
+    settled = 0.01
+
+    @property
+    def lengths(self) -> list[list[int]]:
+        """Number of amplitudes."""
+        return [[len(self.record.time)]]
+
+    @property
+    def times(self) -> Array:
+        """Times since the first amplitude, s."""
+        return np.asarray(self.record.time - self.record.time[0])
+
+    @property
+    def negligible(self) -> float:
+        """Norm of the rounding errors."""
+        return math.sqrt(len(self.times)) * NEGLIGIBLE
+
+    @property
+    def factors(self) -> Array:
+        """Reciprocal standard deviations (m,)."""
+        return np.asarray(1 / self.deviations)
+
+    def residuals(self, unknowns: Mapping[str, cs.MX]) -> cs.MX:
+        """Return the residuals (m,) for unknowns by name, in standard deviations."""
+        x = (cs.MX(self.ω), *unknowns.values(), cs.MX(0))
+        return (self.model.amplitude(self.times, *x) - cs.DM(self.record.values)) / cs.DM(self.deviations)
+
+    def fitted(self, residuals: Array) -> Array:
+        """Return the fitted amplitudes (m,) for residuals in standard deviations."""
+        return np.asarray(self.record.values + residuals * self.deviations)
+
+    def reweight(self, residuals: Array, *, robust: bool) -> AmplitudeBlock | None:
+        """Return the block with the variances that residuals (m,) show; None if they would not change."""
+        squares, power = (residuals * self.deviations) ** 2, self.fitted(residuals) ** 2
+        least = (NEGLIGIBLE * self.record.values[0]) ** 2
+        variances = {
+            "additive": np.full(len(squares), squares.mean()),
+            "multiplicative": power * np.mean(squares / power),
+            "of both kinds": proportional_variance(squares, power),
+        }
+        variances = {kind: np.maximum(variance, least) for kind, variance in variances.items()}
+        criteria = {kind: float(np.sum(np.log(v) + squares / v)) for kind, v in variances.items()}
+        criteria["of both kinds"] += math.log(len(squares))
+        noise = min(criteria, key=criteria.__getitem__)
+        better = replace(self, deviations=np.sqrt(variances[noise]), noise=noise, before=self)
+        return None if self.has_similar_weights(better, self.settled) else better
+
+    def account(self, fitted: Fitted) -> Account:
+        """Return the noise at the first and at the last amplitude."""
+        shares = self.deviations[[0, -1]] / self.fitted(fitted.residuals)[[0, -1]]
+        first, last = (f"{100 * share:.2g} %" for share in shares)
+        line = f"noise of the amplitudes: {first} of the first, {last} of the last, {self.noise}"
+        return Account((line,), data={"noise": self.noise, "deviations": self.deviations[[0, -1]].tolist()})
+
+    def channels(self, fitted: Fitted) -> Sequence[PredictedChannel]:
+        """Return measured and fitted amplitudes."""
+        values, unit = self.fitted(fitted.residuals), self.record.sensor.unit
+        errors = fitted.errors * self.deviations
+        return [PredictedChannel("amplitude", unit, self.record.values, values, errors, self.record.time, TIME_AXIS,
+                                 self.deviations)]  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False)
+class AmplitudeFit(BlocksResult):
+    """Damping identified from amplitudes over time.
+
+    Parameters
+    ----------
+    solution : FitSolution
+        The block of amplitudes with its weights.
+    frequency : float or None
+        Natural frequency, Hz, which was given; None if it is unknown.
+    """
+
+    kind = "amplitudes of a decay"
+    _drawing = "ancf_casadi.figures.fits.channels_figure"
+
+    frequency: float | None = None
+
+    @property
+    def block(self) -> AmplitudeBlock:
+        """The fitted amplitudes."""
+        (block,) = self.solution.problem.blocks
+        assert isinstance(block, AmplitudeBlock)
+        return block
+
+    @property
+    def title(self) -> str:
+        """The law."""
+        known = "unknown frequency" if self.frequency is None else f"{self.frequency:g} Hz"
+        return f"{self.block.model.law} decay of {len(self.block.times)} amplitudes, {known}"
+
+    @property
+    def law(self) -> Law:
+        """Fitted damping law."""
+        return self.block.model.law
+
+    @cached_property
+    def quantities(self) -> tuple[tuple[str, ...], tuple[str, ...], Quantities]:
+        """Names and units of the quantities, and the function from the unknowns to them."""
+        model, ω = self.block.model, self.block.ω
+        names = tuple(name for name in DECAY_QUANTITIES if name not in ("frequency", "offset", "drift", "creep"))
+        positions = [list(DECAY_QUANTITIES).index(name) for name in names]
+
+        def quantities(*x: cs.MX) -> cs.MX:
+            return model.quantities(cs.MX(ω), *x, cs.MX(0))[positions]
+
+        if self.frequency is not None:
+            return names, tuple(map(model.unit, names)), quantities
+        terms = [name for name in DAMPING_TERMS[self.law] if name in RATES]
+        shape = ["exponent"] if self.law == "power" else []
+        factors = {"damping_ratio": ω, "amplitude": 1.0, "exponent": 1.0,
+                   "eta1": 0.5, "eta2": 4 * ω / (3 * math.pi), "eta0": 2 / (math.pi * ω)}  # fmt: skip
+        chosen = ["damping_ratio", *terms, *shape, "amplitude"]
+        places, scale = [names.index(name) for name in chosen], cs.DM([factors[name] for name in chosen])
+        unit = model.unit("amplitude")
+        units = {"decay_rate": "1/s", "linear_rate": "1/s", "quadratic_rate": f"1/({unit or '1'} s)",
+                 "friction_rate": f"{unit or '1'}/s", "amplitude": unit}  # fmt: skip
+        rate_names = tuple({"damping_ratio": "decay_rate", **RATES}.get(name, name) for name in chosen)
+        return rate_names, tuple(units.get(name, "") for name in rate_names), lambda *x: scale * quantities(*x)[places]
+
+    def _ends(self, level: float) -> Array:
+        """Return the intervals (q, 2) of all quantities, of which those of the damping are not negative."""
+        ends = derived_intervals(self.fit, self.quantities[2], level)
+        return ends if self.law == "linear" else np.maximum(ends, 0.0)
+
+    def predict(self, record: Measurement) -> RecordPrediction:
+        """Compute the amplitudes at the times of another record of the same decay, and compare."""
+        block = replace(self.block, record=_check(record), deviations=FIRST_DEVIATION * record.values, before=None)
+        return block.predict_record(self.fit, self.kind)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the result for JSON: SI units, None for unknown values."""
+        return {**super().to_dict(), "law": self.law, "frequency_hz": self.frequency}
+
+
+def fit_amplitudes(record: Measurement, law: str, frequency: float | None, *, robust: bool = False) -> AmplitudeFit:
+    """Fit amplitudes over time; see ``fit_decay``."""
+    choice(law, get_args(AmplitudeLaw), "law")
+    record = _check(record)
+    time, values = record.time - record.time[0], record.values
+    slope, level = np.polyfit(time, np.log(values), 1, w=values)
+    length, rate, first = float(time[-1]), max(-float(slope), 1e-6 / float(time[-1])), math.exp(level)
+    ω = 2 * math.pi * (MANY_PERIODS / length if frequency is None else physical(frequency, "frequency"))
+    guess = DecayGuess(0, "given", min(length, 1 / rate), length, ω, rate / ω, first, 0.0, ())
+    ends = (-0.999, 0.999) if law == "linear" else (0.0, 0.999)
+    model = DecayModel(law, "zero", ratio_bounds=ends, reference=first, sensor=record.sensor)  # type: ignore[arg-type]
+    unknowns = (*model.mode_unknowns(guess)[1:], model.release_unknowns(guess)[0])
+    block = AmplitudeBlock(record, model, ω, FIRST_DEVIATION * values)
+    advice = "leave out amplitudes at the level of the noise, or fit a law with fewer terms"
+    problem = FitProblem((block,), unknowns, robust, most_unexplained=1.0, advice=advice)
+    solution = solve(problem, compare=False)
+    return AmplitudeFit(
+        solution.fit, solution, frequency,
+        again=lambda other: fit_amplitudes(other, law, frequency, robust=robust),
+    )  # fmt: skip
+
+
+def _check(record: Measurement) -> Measurement:
+    """Return a record of amplitudes, which are enough and positive."""
+    check_instance(record, "record", Measurement)
+    if len(record.time) < LEAST_AMPLITUDES:
+        raise InputError(f"has {len(record.time)} amplitudes; a fit needs at least {LEAST_AMPLITUDES}", "record")
+    if not (record.values > 0.0).all():
+        first = int(np.argmin(record.values > 0.0))
+        raise InputError(
+            f"has the value {record.values[first]:g} at {record.time[first]:g} s; amplitudes are positive; fit the "
+            "oscillation itself without quantity='amplitude'",
+            "record",
+        )
+    return record

@@ -39,8 +39,9 @@ def add_fit_frf(parser: argparse.ArgumentParser) -> None:
     """Add the options."""
     parser.epilog = (
         "reads universal files (data set 58, function type 4), and columns of MATLAB, HDF5, NPZ and text files: "
-        "complex, real and imag, or amplitude and phase; with --force and --response, files of these over time, of all "
-        "formats that inspect lists: the hits or blocks of all files are averaged"
+        "complex, real and imag, or amplitude and phase; several files have an output each; "
+        "with --force and --response, files of these over time, of all formats "
+        "that inspect lists: the hits or blocks of all files are averaged"
     )
     parser.add_argument("files", metavar="FILE", nargs="+", help="file of frequency response functions, or over time")
     kinds = get_args(FrfKind)
@@ -88,11 +89,13 @@ def run_fit_frf(options: argparse.Namespace) -> Output:
 def _read_functions(options: argparse.Namespace) -> FrfRecord:
     """Read functions over frequency."""
     _refuse(options, ("response", *TIME_KEYS, *ESTIMATE_KEYS), "belongs to records over time; give --force as well")
-    if len(options.files) > 1:
-        raise InputError("is one file too many; give one, or columns over time by --force", options.files[1])
     reading = {name: getattr(options, name) for name in COLUMN_KEYS}
     layout = TableLayout.of(vars(options))
-    return FrfRecord.from_file(options.files[0], options.kind, layout=layout, progress=True, **reading)
+    records = [
+        FrfRecord.from_file(path, options.kind, layout=layout, progress=True, **reading) for path in options.files
+    ]
+    with error_prefix(", ".join(options.files)):
+        return records[0] if len(records) == 1 else FrfRecord.stacked(records)
 
 
 def _estimate_functions(options: argparse.Namespace) -> FrfRecord:

@@ -66,6 +66,7 @@ POWER_LINES = 5  # lines on either side over which the power of the force is ave
 RANDOM_SHARE, REST_SHARE = 0.5, 0.01  # mean squares of a random force and of a response at rest, relative to all
 FEWEST_AVERAGES = 6.0  # independent blocks that state the errors of a fit
 TIME_CONSTANTS = 4.0  # of an exponential window, after which a block ends
+LARGEST_SHARE = 0.9  # of a block in the power of all
 SAME_TIME = 0.1  # largest difference of the times of force and response, in steps
 
 
@@ -231,6 +232,17 @@ def _independent_blocks(weights: Array, count: int, overlap: float) -> float:
     return count / (1 + 2 * squares)
 
 
+def _leverage_factor(spectra: ComplexArray) -> Array:
+    """Return the factor of the deviations of blocks that share a mean unequally, 1 if their spectra are equally large.
+
+    A block with the share h of the power, to which the mean is closer, has residuals of variance 1 - h instead of
+    1 - 1/K.
+    """
+    power = np.abs(spectra) ** 2
+    share = np.minimum(power / power.sum(axis=0), LARGEST_SHARE)
+    return np.asarray(np.sqrt((1 - 1 / len(spectra)) / (1 - share)))
+
+
 def _leakage_notes(blocks: Array, *, is_free: bool) -> list[str]:
     """Return a note if blocks without a window neither repeat nor end at rest, unless they are free of leakage."""
     changes = blocks[:, 0] - blocks[:, 0].mean(axis=0)
@@ -295,5 +307,6 @@ def _estimate(spectra: ComplexArray, estimator: Estimator) -> Estimate:
         return Estimate(lines, values)
     by_force = force.conj() * (responses - first * force) / cross
     by_response = responses.conj() * (responses - first / coherence * force) / np.mean(np.abs(responses) ** 2, axis=0)
+    by_force, by_response = by_force * _leverage_factor(force), by_response * _leverage_factor(responses)
     relative = {"H1": by_force, "H2": by_response, "Hv": (by_force + by_response) / 2}[estimator]
     return Estimate(lines, values, coherence, np.asarray(values * relative))

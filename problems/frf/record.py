@@ -290,6 +290,39 @@ class FrfRecord(Displayed):
             window=first.window,
         )
 
+    @classmethod
+    def stacked(cls, records: Sequence[FrfRecord]) -> FrfRecord:
+        """Return the outputs of several records over the same frequencies, such as one file per point, as one record.
+
+        Raises
+        ------
+        InputError
+            If the records differ in frequencies, kind, window or inputs.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> from problems import FrfRecord
+        >>> f = np.linspace(1.0, 3.0, 201)
+        >>> record = FrfRecord(f, 1.0 / (2.0**2 - f**2 + 0.04j * f), "receptance")
+        >>> FrfRecord.stacked([record, record]).outputs
+        2
+        """
+        parts: tuple[FrfRecord, ...] = instances(records, "records", FrfRecord)
+        first = parts[0]
+        for record in parts[1:]:
+            same = (record.kind, record.window, record.inputs) == (first.kind, first.window, first.inputs)
+            if not same or not np.array_equal(record.frequencies, first.frequencies):
+                raise InputError("differ in frequencies, kind, window or inputs", "records")
+        quality: dict[str, Any] = {}
+        for name in ("values", "coherence", "std"):
+            arrays = [getattr(record, name) for record in parts]
+            quality[name] = None if any(a is None for a in arrays) else np.concatenate(arrays)
+        points = [record.points for record in parts]
+        quality["points"] = None if any(p is None for p in points) else [s for p in points if p for s in p]
+        notes = dict.fromkeys(note for record in parts for note in record.notes)
+        return replace(first, scatter=None, notes=tuple(notes), **quality)
+
     @property
     def unit(self) -> str:
         """Unit of the values."""

@@ -4,6 +4,7 @@ import json
 
 import numpy as np
 import pytest
+from scipy.io import wavfile
 
 from ancf_casadi import (
     Beam,
@@ -67,6 +68,16 @@ class TestFitFrf:
         (line,) = done.err.strip().splitlines()
         assert done.code == 2 and message in line
 
+    def test_several_files_are_outputs(self, run, functions, tmp_path):
+        table = np.loadtxt(tmp_path / functions, delimiter=",", skiprows=1)
+        table[:, 1] *= 0.5
+        np.savetxt(tmp_path / "half.csv", table, delimiter=",", header="f (Hz),middle (mm/N),phase (deg)", comments="")
+        data = json.loads(run("fit-frf", functions, "half.csv", "--frequencies", "10,20", "--json").out)
+        for mode in data["modes"]:
+            assert np.ravel(mode["shape_real"]) == pytest.approx([1.0, 0.5], rel=0.01)
+        np.savetxt(tmp_path / "half.csv", table[1:], delimiter=",", header="f (Hz),m (mm/N),phase (deg)", comments="")
+        assert "differ in frequencies" in run("fit-frf", functions, "half.csv").err
+
 
 class TestHits:
     @pytest.fixture
@@ -91,6 +102,17 @@ class TestHits:
             assert mode["frequency_hz"] == pytest.approx(frequency, rel=1e-3)
             assert mode["damping_ratio"] == pytest.approx(ratio, rel=0.02)
             assert mode["constants_real"][0][0] == pytest.approx(constant, rel=0.02)
+
+    def test_sound_card(self, run, tmp_path):
+        force, response = (record.values for record in hammer(np.random.default_rng(0), noise=(1e-4, 1e-4)))
+        channels = np.column_stack([values / np.abs(values).max() * 0.9 for values in (force, response)])
+        wavfile.write(tmp_path / "hits.wav", 200, np.round(channels * 32767).astype(np.int16))
+        settings = ["--force", "1", "--response", "2", "--frequencies", "8,21", "--json"]
+        assert "give the kind of the functions" in run("fit-frf", "hits.wav", *settings).err
+        data = json.loads(run("fit-frf", "hits.wav", *settings, "--kind", "accelerance").out)
+        for mode, (frequency, ratio, _) in zip(data["modes"], MODES, strict=True):
+            assert mode["frequency_hz"] == pytest.approx(frequency, rel=1e-3)
+            assert mode["damping_ratio"] == pytest.approx(ratio, rel=0.02)
 
     def test_units_of_a_file_without_any(self, run, tmp_path, hits):
         table = np.loadtxt(tmp_path / "0.csv", delimiter=",", skiprows=1)

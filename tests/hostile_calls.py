@@ -80,7 +80,7 @@ NOT_CALLED = frozenset(
     "Attachment BaseMotion DampingLaw Support TipLoad __version__"  # abstract
     " Backbone Equilibrium LinearFrf Modes PeriodicMotion ReducedModel ReducedTrajectory ResponseCurve Trajectory"
     " DampingCurve LawCurve BeamFunctions MotionFunctions ReducedFunctions ExportedBeam DecayFit DecayFits DecayModes"
-    " CriticalLoad CriticalPoint DampedModes EquilibriumPath FrequencyMatch FrfFit ModeFit"
+    " CriticalLoad CriticalPoint DampedModes EquilibriumPath FrequencyMatch FrfFit ModeFit AmplitudeFit"
     " IsolatedMode LawComparison LogDensity MonteCarlo Plan PlannedComparison RayleighFit RecordPrediction SavedFit"
     " StudyReport BeamFit".split()  # results, which the package makes
 )
@@ -136,6 +136,9 @@ def calls(folder: Path) -> dict[str, tuple[Callable, dict]]:
         "excitation": u, "parameters": (a.Parameter("c", 0.1, "", ""),), "rest": [0.0], "scale": [1.0],
     }  # fmt: skip
     grid = np.linspace(0.8 * f, 1.2 * f, 40)
+    hit_times = np.arange(400) / 100.0
+    hit_force = np.where(np.abs(hit_times - 0.1) < 0.015, 1.0, 0.0)
+    hit_response = np.exp(-hit_times) * np.sin(30.0 * hit_times)
     frf = (1 + 1e-3 * np.random.default_rng(1).standard_normal(40)) / (f**2 - grid**2 + 0.04j * f * grid)
     frequencies = tuple(modes.frequencies.tolist())
     markers = np.zeros((40, 1, 2)) + [0.0, -0.5] + np.outer(values[:40], [1.0, 0.0])[:, None, :]
@@ -372,6 +375,11 @@ def calls(folder: Path) -> dict[str, tuple[Callable, dict]]:
         }),
         "fit_frf": (p.fit_frf, {
             "record": p.FrfRecord(grid, frf, "receptance"), "modes": 1, "frequencies": None, "band": None,
+        }),
+        "frf_of": (p.frf_of, {
+            "force": a.Measurement(hit_times, hit_force, sensor=a.Sensor("force")),
+            "response": a.Measurement(hit_times, hit_response), "estimator": "H1", "excitation": "auto",
+            "window": None, "time_constant": 1.0, "block": None, "overlap": 0.5, "kind": None, "points": None,
         }),
         "fit_mode": (p.fit_mode, {
             "records": [record], "law": "linear", "frequency_law": "constant", "modal_constant": None,

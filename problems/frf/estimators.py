@@ -162,14 +162,12 @@ def frf_of(
     weights = 0.5 - 0.5 * np.cos(2 * np.pi * samples / size) if is_hann else np.exp(-rate * step * samples)
     averages = len(blocks.values) if is_hammer else _independent_blocks(weights, len(blocks.values), overlap)
     estimate = _estimate(np.fft.rfft(weights * blocks.values), estimator)
-    if len(estimate.lines) < LEAST_LINES:
-        raise InputError("are too short for eight lines with a force; give longer blocks", "block")
     deviations = None if is_hammer or averages < FEWEST_AVERAGES else estimate.deviations
     with error_prefix("force and response"):
         return FrfRecord(
             estimate.lines / (size * step),
             estimate.values,
-            kind or _kind(responses[0]),
+            _kind(responses[0]) if kind is None else kind,
             coherence=estimate.coherence,
             std=estimate.std(averages, is_hammer=is_hammer),
             points=points,
@@ -259,9 +257,10 @@ def _leakage_notes(blocks: Array, *, is_free: bool) -> list[str]:
 def _usable_lines(power: Array) -> Index:
     """Return the numbers of the lines about the strongest one at which the force is strong enough."""
     smooth = moving_mean(power, POWER_LINES)
+    least = LEAST_POWER * float(smooth.max())
     smooth[[0, *range(int(LARGEST_FREQUENCY * len(power)), len(power))]] = 0.0
-    is_weak, peak = smooth < LEAST_POWER * smooth.max(), int(np.argmax(smooth))
-    first = int(np.flatnonzero(is_weak[:peak])[-1]) + 1
+    is_weak, peak = smooth <= least, int(np.argmax(smooth))
+    first = int(np.flatnonzero(is_weak[: peak + 1])[-1]) + 1
     return np.arange(first, peak + int(np.argmax(np.append(is_weak[peak:], True))))
 
 
@@ -298,6 +297,8 @@ def _estimate(spectra: ComplexArray, estimator: Estimator) -> Estimate:
     """Return the functions that spectra of blocks (blocks, 1 + outputs, lines) give."""
     force_power = np.mean(np.abs(spectra[:, 0]) ** 2, axis=0)
     lines = _usable_lines(force_power)
+    if len(lines) < LEAST_LINES:
+        raise InputError("is too short for eight lines with a force below 0.8 times half the sampling rate", "block")
     force, responses, force_power = spectra[:, :1, lines], spectra[:, 1:, lines], force_power[lines]
     cross = np.mean(force.conj() * responses, axis=0)
     coherence = np.clip(np.abs(cross) ** 2 / (force_power * np.mean(np.abs(responses) ** 2, axis=0)), 0.0, 1.0)

@@ -112,6 +112,8 @@ class FrfRecord(Displayed):
     def __post_init__(self) -> None:
         """Validate, and keep arrays."""
         choice(self.kind, get_args(FrfKind), "kind")
+        check_instance(self.window, "window", BlockWindow, NoneType)
+        check_instance(self.scatter, "scatter", BlockScatter, NoneType)
         f = array(self.frequencies, "frequencies")
         if f.ndim != 1 or len(f) < LEAST_LINES:
             raise InputError(f"needs at least {LEAST_LINES} frequencies", "frequencies")

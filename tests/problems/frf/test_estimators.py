@@ -179,6 +179,11 @@ class TestShaker:
         assert not record.notes and record.coherence.min() > 0.99
 
 
+def alternating(force):
+    """A force at half the sampling rate, which no filter passes."""
+    return Measurement(force.time, (-1.0) ** np.arange(len(force.time)), sensor=force.sensor)
+
+
 @pytest.mark.parametrize(
     ("change", "settings", "message"),
     [
@@ -190,6 +195,7 @@ class TestShaker:
         (lambda f, y: (f, y), {"excitation": "shaker", "time_constant": 1.0}, "time_constant: belongs to the hits"),
         (lambda f, y: (f, y), {"overlap": 1.0}, "overlap: must be between 0 and 0.9"),
         (lambda f, y: (f, y), {"excitation": "shaker", "block": 1e4}, "block: must have 32 samples or more"),
+        (lambda f, y: (alternating(f), y), {}, "block: is too short for eight lines with a force"),
         (lambda f, y: (f, y), {"block": 0.1}, "force: has blocks of 20 samples"),
         (lambda f, y: (f, y), {"estimator": "H3"}, "estimator"),
     ],

@@ -369,6 +369,10 @@ def calls(folder: Path) -> dict[str, tuple[Callable, dict]]:
             "time": instants, "displacement": values + noise, "law": "linear", "frequency_law": None, "rest": None,
             "release_time": 0.0, "ratio_bounds": (0.0, 0.9), "priors": {"frequency": (2.0, 0.1)}, "robust": False,
         }),
+        "fit_decay, amplitudes": (p.fit_decay, {
+            "time": instants, "displacement": np.exp(-0.1 * np.array(instants)) * (2.0 + np.tanh(noise)),
+            "quantity": "amplitude", "frequency": 2.0, "law": "quadratic", "robust": False,
+        }),
         "fit_decays": (p.fit_decays, {
             "records": [record], "law": "linear", "frequency_law": "constant", "rest": "constant",
             "release_times": None, "ratio_bounds": (0.0, 0.9), "robust": False,

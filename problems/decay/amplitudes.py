@@ -20,7 +20,7 @@ import math
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any, Literal, get_args
 
 import casadi as cs
@@ -54,7 +54,7 @@ def is_amplitude_decay(name: str, values: Array) -> bool:
     """Return whether a column is named for amplitudes, and its values are positive and decay without oscillation."""
     if AMPLITUDE_NAME.search(name) is None or len(values) < LEAST_AMPLITUDES or not (values > 0.0).all():
         return False
-    means = np.array([part.mean() for part in np.array_split(values, min(INSPECTED_PARTS, len(values)))])
+    means = np.array([segment.mean() for segment in np.array_split(values, min(INSPECTED_PARTS, len(values)))])
     steps = np.diff(means)
     return bool(means[-1] < means[0] / 1.2 and steps[steps > 0.0].sum() < MOST_RISE * (means[0] - means[-1]))
 
@@ -104,13 +104,13 @@ class AmplitudeBlock(Block):
     def reweight(self, residuals: Array, *, robust: bool) -> AmplitudeBlock | None:
         """Return the block with the variances that residuals (m,) show; None if they would not change."""
         squares, power = (residuals * self.deviations) ** 2, self.fitted(residuals) ** 2
-        least = (NEGLIGIBLE * self.record.values[0]) ** 2
+        least_variance = (NEGLIGIBLE * self.record.values[0]) ** 2
         variances = {
             "additive": np.full(len(squares), squares.mean()),
             "multiplicative": power * np.mean(squares / power),
             "of both kinds": proportional_variance(squares, power),
         }
-        variances = {kind: np.maximum(variance, least) for kind, variance in variances.items()}
+        variances = {kind: np.maximum(variance, least_variance) for kind, variance in variances.items()}
         criteria = {kind: float(np.sum(np.log(v) + squares / v)) for kind, v in variances.items()}
         criteria["of both kinds"] += math.log(len(squares))
         noise = min(criteria, key=criteria.__getitem__)
@@ -159,8 +159,8 @@ class AmplitudeFit(BlocksResult):
     @property
     def title(self) -> str:
         """The law."""
-        known = "unknown frequency" if self.frequency is None else f"{self.frequency:g} Hz"
-        return f"{self.block.model.law} decay of {len(self.block.times)} amplitudes, {known}"
+        frequency = "unknown frequency" if self.frequency is None else f"{self.frequency:g} Hz"
+        return f"{self.block.model.law} decay of {len(self.block.times)} amplitudes, {frequency}"
 
     @property
     def law(self) -> Law:
@@ -222,10 +222,8 @@ def fit_amplitudes(record: Measurement, law: str, frequency: float | None, *, ro
     advice = "leave out amplitudes at the level of the noise, or fit a law with fewer terms"
     problem = FitProblem((block,), unknowns, robust, most_unexplained=1.0, advice=advice)
     solution = solve(problem, compare=False)
-    return AmplitudeFit(
-        solution.fit, solution, frequency,
-        again=lambda other: fit_amplitudes(other, law, frequency, robust=robust),
-    )  # fmt: skip
+    refit = partial(fit_amplitudes, law=law, frequency=frequency, robust=robust)
+    return AmplitudeFit(solution.fit, solution, frequency, again=refit)
 
 
 def _check(record: Measurement) -> Measurement:

@@ -257,9 +257,9 @@ def _leakage_notes(blocks: Array, *, is_free: bool) -> list[str]:
 def _usable_lines(power: Array) -> Index:
     """Return the numbers of the lines about the strongest one at which the force is strong enough."""
     smooth = moving_mean(power, POWER_LINES)
-    least = LEAST_POWER * float(smooth.max())
+    least_power = LEAST_POWER * float(smooth.max())
     smooth[[0, *range(int(LARGEST_FREQUENCY * len(power)), len(power))]] = 0.0
-    is_weak, peak = smooth <= least, int(np.argmax(smooth))
+    is_weak, peak = smooth <= least_power, int(np.argmax(smooth))
     first = int(np.flatnonzero(is_weak[: peak + 1])[-1]) + 1
     return np.arange(first, peak + int(np.argmax(np.append(is_weak[peak:], True))))
 

@@ -310,19 +310,19 @@ class FrfRecord(Displayed):
         >>> FrfRecord.stacked([record, record]).outputs
         2
         """
-        parts: tuple[FrfRecord, ...] = instances(records, "records", FrfRecord)
-        first = parts[0]
-        for record in parts[1:]:
+        stack: tuple[FrfRecord, ...] = instances(records, "records", FrfRecord)
+        first = stack[0]
+        for record in stack[1:]:
             same = (record.kind, record.window, record.inputs) == (first.kind, first.window, first.inputs)
             if not same or not np.array_equal(record.frequencies, first.frequencies):
                 raise InputError("differ in frequencies, kind, window or inputs", "records")
         quality: dict[str, Any] = {}
         for name in ("values", "coherence", "std"):
-            arrays = [getattr(record, name) for record in parts]
+            arrays = [getattr(record, name) for record in stack]
             quality[name] = None if any(a is None for a in arrays) else np.concatenate(arrays)
-        points = [record.points for record in parts]
+        points = [record.points for record in stack]
         quality["points"] = None if any(p is None for p in points) else [s for p in points if p for s in p]
-        notes = dict.fromkeys(note for record in parts for note in record.notes)
+        notes = dict.fromkeys(note for record in stack for note in record.notes)
         return replace(first, scatter=None, notes=tuple(notes), **quality)
 
     @property

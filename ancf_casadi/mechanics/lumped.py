@@ -77,7 +77,7 @@ def changed_properties(name: str) -> tuple[str, ...]:
     return COMBINED.get(kind, (kind,))
 
 
-def check_combined(names: Sequence[str]) -> None:
+def check_combinations(names: Sequence[str]) -> None:
     """Refuse a combined property beside another unknown that changes one of its factors."""
     for name in sorted(set(names) & set(PROPERTY_POWERS)):
         factors = set(PROPERTY_POWERS[name]) - set(COMBINED[name])

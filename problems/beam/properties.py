@@ -29,7 +29,7 @@ from ancf_casadi.mechanics.beam import Beam, SplitBeam
 from ancf_casadi.mechanics.lumped import (
     BEAM_UNITS,
     PROPERTIES,
-    check_combined,
+    check_combinations,
     lumped_kind,
     property_unit,
 )
@@ -102,7 +102,7 @@ def property_owners(beam: Beam, names: Sequence[str]) -> Index:
             earlier = names[int(owners[rows].max())]
             raise InputError(f"{name} changes the same property as {earlier}; estimate one or the other", "unknowns")
         owners[rows] = k
-    check_combined(names)
+    check_combinations(names)
     return owners
 
 

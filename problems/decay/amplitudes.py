@@ -97,13 +97,13 @@ class AmplitudeBlock(Block):
         x = (cs.MX(self.ω), *unknowns.values(), cs.MX(0))
         return (self.model.amplitude(self.times, *x) - cs.DM(self.record.values)) / cs.DM(self.deviations)
 
-    def fitted(self, residuals: Array) -> Array:
+    def amplitudes(self, residuals: Array) -> Array:
         """Return the fitted amplitudes (m,) for residuals in standard deviations."""
         return np.asarray(self.record.values + residuals * self.deviations)
 
     def reweight(self, residuals: Array, *, robust: bool) -> AmplitudeBlock | None:
         """Return the block with the variances that residuals (m,) show; None if they would not change."""
-        squares, power = (residuals * self.deviations) ** 2, self.fitted(residuals) ** 2
+        squares, power = (residuals * self.deviations) ** 2, self.amplitudes(residuals) ** 2
         least_variance = (NEGLIGIBLE * self.record.values[0]) ** 2
         variances = {
             "additive": np.full(len(squares), squares.mean()),
@@ -119,14 +119,14 @@ class AmplitudeBlock(Block):
 
     def account(self, fitted: Fitted) -> Account:
         """Return the noise at the first and at the last amplitude."""
-        shares = self.deviations[[0, -1]] / self.fitted(fitted.residuals)[[0, -1]]
+        shares = self.deviations[[0, -1]] / self.amplitudes(fitted.residuals)[[0, -1]]
         first, last = (f"{100 * share:.2g} %" for share in shares)
         line = f"noise of the amplitudes: {first} of the first, {last} of the last, {self.noise}"
         return Account((line,), data={"noise": self.noise, "deviations": self.deviations[[0, -1]].tolist()})
 
     def channels(self, fitted: Fitted) -> Sequence[PredictedChannel]:
         """Return measured and fitted amplitudes."""
-        values, unit = self.fitted(fitted.residuals), self.record.sensor.unit
+        values, unit = self.amplitudes(fitted.residuals), self.record.sensor.unit
         errors = fitted.errors * self.deviations
         return [PredictedChannel("amplitude", unit, self.record.values, values, errors, self.record.time, TIME_AXIS,
                                  self.deviations)]  # fmt: skip

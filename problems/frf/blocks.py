@@ -135,7 +135,7 @@ def _find_hits(take: Take, duration: float | None) -> list[tuple[_Hit, str]]:
             fault = "double hit"
         elif is_last and span < (LEAST_SHARE * usual if duration is None else bounce):
             fault = "short time after the hit"
-        elif has_flat_top(force[begin:end]) or any(map(_is_clipped, take.channels[1:, begin:end])):
+        elif has_flat_top(force[begin:end]) or any(map(_has_clip, take.channels[1:, begin:end])):
             fault = "overload"
         else:
             fault = ""
@@ -143,7 +143,7 @@ def _find_hits(take: Take, duration: float | None) -> list[tuple[_Hit, str]]:
     return hits
 
 
-def _is_clipped(values: Array) -> bool:
+def _has_clip(values: Array) -> bool:
     """Return whether values are clipped at either end."""
     return has_flat_top(values) or has_flat_top(-values)
 
@@ -162,7 +162,7 @@ def shaker_blocks(takes: Sequence[Take], duration: float | None, overlap: float)
     for take in takes:
         for begin in range(0, take.channels.shape[1] - size + 1, stride):
             values, count = take.channels[:, begin : begin + size], count + 1
-            if any(map(_is_clipped, values)):
+            if any(map(_has_clip, values)):
                 overloads.append(f"{take.begin + begin * take.step:.4g} s")
             else:
                 blocks.append(values)

@@ -32,7 +32,7 @@ import scipy  # its packages are imported on first use
 from ancf_casadi.estimation.solver.least_squares import AT_BOUND
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.beam import Beam
-from ancf_casadi.mechanics.lumped import changed_properties, check_combined, lumped_kind
+from ancf_casadi.mechanics.lumped import changed_properties, check_combinations, lumped_kind
 from ancf_casadi.mechanics.model import (
     Model,
     check_curvature,
@@ -84,7 +84,7 @@ class DesignSpace:
             for rival in names:
                 if rival != name and changed_properties(rival) == changed_properties(name):
                     raise InputError(f"{name} changes the same property as {rival}; give one or the other", "unknowns")
-        check_combined(names)
+        check_combinations(names)
         if "natural_curvature" in names:
             check_curvature(self.beam)
         if names.count("spring_stiffness") and {"spring_x", "spring_y"} & set(map(lumped_kind, names)):

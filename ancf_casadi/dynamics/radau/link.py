@@ -83,7 +83,7 @@ def _advance(kind: Kind, modes: int) -> cs.Function:
     N, G = _support_matrices(supports)
     link = _Link.of(kind, l)
 
-    corrections, turned = _turned(kind, link, N, w, turns, before, turned_before)
+    corrections, turned = _turn_corrections(kind, link, N, w, turns, before, turned_before)
     increments = _of_stages(z) - turned
     inverse = cs.DM(RADAU.inverse).T
     velocities = increments @ inverse / h
@@ -104,13 +104,13 @@ def _advance(kind: Kind, modes: int) -> cs.Function:
 
 
 def _update(kind: Kind) -> cs.Function:
-    """Derive the Function of ``Links.update``; carried are the results of ``_turned`` for its first node."""
+    """Derive the Function of ``Links.update``; carried are the results of ``_turn_corrections`` for its first node."""
     carried, base = cs.SX.sym("carried", 2 * VALUES), cs.SX.sym("base", VALUES)
     w, turns, z, q, l, supports = _columns(VALUES, VALUES, VALUES, NODE, 1, 2 * BLOCK)
     before, turned_before = map(_of_stages, cs.vertsplit(carried, VALUES))
     N, G = _support_matrices(supports)
 
-    corrections, turned = _turned(kind, _Link.of(kind, l), N, w, turns, before, turned_before)
+    corrections, turned = _turn_corrections(kind, _Link.of(kind, l), N, w, turns, before, turned_before)
     increments = _of_stages(z) - turned
     coordinates = cs.repmat(q, 1, STAGES) + increments
     if kind != "element":
@@ -120,7 +120,7 @@ def _update(kind: Kind) -> cs.Function:
     return _function("update", kind, inputs, [passed, cs.vec(increments), cs.vec(coordinates)])
 
 
-def _turned(
+def _turn_corrections(
     kind: Kind, link: _Link | None, N: cs.SX, w: cs.SX, turns: cs.SX, before: cs.SX, turned_before: cs.SX
 ) -> tuple[cs.SX, cs.SX]:
     """Return the corrections of the second node at the stages, (4, 3), before and after turning."""

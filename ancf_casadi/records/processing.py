@@ -201,27 +201,26 @@ def _clipping_warning(values: Array) -> str:
 
 def _flat_swings(values: Array) -> tuple[float, int]:
     """Return the highest value and the number of swings clipped there, 0 if the record is not clipped."""
-    top, bottom = float(values.max()), float(values.min())
+    top, span = float(values.max()), float(np.ptp(values))
     if np.count_nonzero(_runs(values == top) >= FLAT) < FLAT_SWINGS:
         return top, 0
-    levels = np.unique(values[values > top - 0.1 * (top - bottom)])  # near the end: the quantisation shows there
+    levels = np.unique(values[values > top - span / 10])  # near the end: the quantisation shows there
     if len(levels) < MIN_LEVELS:
         return top, 0
-    band = max(0.01 * (top - bottom), 3.0 * float(np.diff(levels).min()))
-    swings = [
-        swing for swing in _swings(values > 0.5 * (top + bottom), values) if swing.max() > top - (top - bottom) / 4
-    ]
-    flat, lower = list[float](), list[float]()
-    for swing in swings:
+    band = max(0.01 * span, 3.0 * float(np.diff(levels).min()))
+    # samples at the peak of each swing per sample in the band below it; 0 if the peak is not flat
+    ratios_at_top, ratios_of_lower = list[float](), list[float]()
+    for swing in _swings(values > top - span / 2, values):
         peak = swing.max()
-        at_peak = swing == peak
-        below = int(np.count_nonzero(~at_peak & (swing >= peak - band)))
-        ratio = int(np.count_nonzero(at_peak)) / max(1, below)
-        (flat if peak == top else lower).append(ratio if _runs(at_peak).max() >= FLAT else 0.0)
-    clipped = [ratio for ratio in flat if ratio]
-    if len(clipped) < FLAT_SWINGS or np.median(flat) < CLIPPED_RATIO or (lower and np.median(lower) >= CLIPPED_RATIO):
-        return top, 0
-    return top, len(clipped)
+        if peak > top - span / 4:
+            at_peak = swing == peak
+            ratio = float(at_peak.sum() / max(1, (~at_peak & (swing >= peak - band)).sum()))
+            ratios = ratios_at_top if peak == top else ratios_of_lower
+            ratios.append(ratio if _runs(at_peak).max() >= FLAT else 0.0)
+    count = int(np.count_nonzero(ratios_at_top))
+    lower_are_flat = bool(ratios_of_lower) and np.median(ratios_of_lower) >= CLIPPED_RATIO
+    is_clipped = count >= FLAT_SWINGS and np.median(ratios_at_top) >= CLIPPED_RATIO and not lower_are_flat
+    return top, count if is_clipped else 0
 
 
 def _swings(above: NDArray[np.bool_], values: Array) -> list[Array]:

@@ -320,7 +320,7 @@ class FrequencyMatch(FitResult):
                 "properties",
                 title,
                 ("property", "unit", "value", "change_%", "lowest", "highest", "stderr"),
-                [(*row[:3], 100 * row[3], *row[4:]) for row in self._properties],
+                [tuple({**row, "change": 100 * row["change"]}.values()) for row in self._properties],
                 (
                     *self._statements,
                     *share_lines(self.data_shares),
@@ -356,10 +356,7 @@ class FrequencyMatch(FitResult):
             "unknowns": dict(zip(self.matching.space.names, self.unknowns.tolist(), strict=True)),
             "rank": self.identifiability.rank,
             "identified": list(self._statements),
-            "properties": [
-                dict(zip(("name", "unit", "value", "change", "lowest", "highest", "stderr"), row, strict=True))
-                for row in self._properties
-            ],
+            "properties": self._properties,
             "priors": [
                 {"name": prior.name, "prior": (prior.prior[0], prior.prior_std), "data_share": finite(share)}
                 for prior, share in zip(self.matching.priors, self.data_shares.values(), strict=True)
@@ -377,14 +374,21 @@ class FrequencyMatch(FitResult):
         return self.identifiability.statements()
 
     @cached_property
-    def _properties(self) -> list[tuple[Any, ...]]:
-        """Name, unit, value, change, range and standard error of each property; no range if the fit is out of reach."""
+    def _properties(self) -> list[dict[str, Any]]:
+        """The properties; without a range if the fit is out of reach."""
         factors = self.identifiability.factors
         ranges = np.full((len(factors), 2), math.nan) if self.out_of_reach else self.identifiability.spread
-        values, errors = self.estimates.values(), map(finite, self.standard_errors.values())
-        low, high = (map(finite, ends) for ends in np.sort(ranges * self._given_values[:, None], axis=1).T)
-        changes = (factors - 1).tolist()
-        return list(zip(self._names, self.units.values(), values, changes, low, high, errors, strict=True))
+        lowest, highest = (map(finite, ends) for ends in np.sort(ranges * self._given_values[:, None], axis=1).T)
+        columns = {
+            "name": self._names,
+            "unit": self.units.values(),
+            "value": self.estimates.values(),
+            "change": (factors - 1).tolist(),
+            "lowest": lowest,
+            "highest": highest,
+            "stderr": map(finite, self.standard_errors.values()),
+        }
+        return [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)]
 
 
 def match_figure(matches: Mapping[str, FrequencyMatch]) -> Figure:

@@ -221,9 +221,9 @@ class Fit:
         """
         ends = self.first_order_ends(self.values, np.eye(len(self.names)), level)
         ends = np.clip(ends, self.lower[:, None], self.upper[:, None])
-        inverse = self.coordinates.reciprocal
-        ends[inverse & (ends[:, 0] <= self.lower), 0] = 0.0
-        ends[inverse] = ends[inverse, ::-1]
+        is_reciprocal = self.coordinates.reciprocal
+        ends[is_reciprocal & (ends[:, 0] <= self.lower), 0] = 0.0  # an infinite unknown
+        ends[is_reciprocal] = ends[is_reciprocal, ::-1]  # the unknown falls as the coordinate grows
         return np.stack([self.coordinates.unknowns(end) for end in ends.T], axis=1)
 
     def derived(self, quantities: Quantities) -> tuple[Array, Array]:

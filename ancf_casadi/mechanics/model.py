@@ -270,12 +270,12 @@ class Model(Nodes):
 
 def curvature_at(model: Model, s: float, at: At) -> Any:
     """Return the curvature at arc length ``s`` (m), 1/m, positive counterclockwise."""
-    points = first, second = model.gauss_points(model.element_at(s))
-    slopes, seconds = (
-        [at(rows(point)) for point in points] for rows in (model.slope_interpolation, model.curvature_interpolation)
+    first, second = model.gauss_points(model.element_at(s))
+    at_first, at_second = (
+        curvature(at(model.slope_interpolation(x)), at(model.curvature_interpolation(x)), model.measures.curvature)
+        for x in (first, second)
     )
-    values = [curvature(*pair, model.measures.curvature) for pair in zip(slopes, seconds, strict=True)]
-    return values[0] + (s - first) / (second - first) * (values[1] - values[0])
+    return at_first + (s - first) / (second - first) * (at_second - at_first)
 
 
 def neighbouring_axial_strains(model: Model, s: float, at: At) -> list[tuple[float, int, Any]]:

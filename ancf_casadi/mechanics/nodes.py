@@ -158,11 +158,6 @@ class Nodes(Displayed):
         return np.array([[cosine, -sine], [sine, cosine]])
 
     @cached_property
-    def is_selection(self) -> bool:
-        """True if all entries of N are 1 and each free coordinate is a nodal one."""
-        return bool(np.isin(self.weights, (0.0, 1.0)).all()) and self.freedoms == np.count_nonzero(self.weights)
-
-    @cached_property
     def held_at_base_alone(self) -> bool:
         """True if the coordinates of the base are held and no others, so that N and G select."""
         return self.freedoms == self.size - NODE and bool((self.weights[NODE:] == 1.0).all())

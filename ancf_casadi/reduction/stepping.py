@@ -189,7 +189,9 @@ def simulate_reduced(
         clamp = piece.clamp
         count = int(np.searchsorted(instants, piece.end, side="right"))
         x = project(reduced, state, clamp(piece.begin).full().ravel())
-        for starts, h, sampled in _portions(piece.begin, instants[sampled_count:count], piece.end, 1 / per_second):
+        for starts, h, sampled_states in _batches(
+            piece.begin, instants[sampled_count:count], piece.end, 1 / per_second
+        ):
             with delayed_interrupts():
                 stage_times = starts[:, None] + h[:, None] * np.linspace(0.0, 1.0, BASE_INSTANTS)
                 stages = clamp(stage_times.reshape(1, -1)).full()
@@ -204,7 +206,7 @@ def simulate_reduced(
             if is_infinite.any():
                 message = "the motion does not stay finite because the steps are too long; increase steps_per_period"
                 raise SimulationError(message, float(starts[is_infinite][0]))
-            samples.append(path[sampled])
+            samples.append(path[sampled_states])
             x, steps = path[-1], steps + len(h)
         samples_of_clamp = clamp(instants[None, sampled_count:count]).full().T
         clamp_motions.append(samples_of_clamp[: count - sampled_count])  # CasADi returns one for no instant
@@ -238,22 +240,22 @@ def _full_state(reduced: ReducedModel, q: Array, v: Array, base: Array, time: fl
     return State(e.full().ravel(), e_t.full().ravel(), time)
 
 
-def _portions(now: float, instants: Array, end: float, max_step: float) -> Iterator[tuple[Array, Array, Index]]:
-    """Yield the steps from ``now`` to ``end``, at most ``STEPS_PER_CALL`` at a time.
+def _batches(begin: float, instants: Array, end: float, max_step: float) -> Iterator[tuple[Array, Array, Index]]:
+    """Yield the steps from ``begin`` to ``end`` in batches of at most ``STEPS_PER_CALL``; some end at each instant.
 
-    A portion has the start and the length of each step (k,), s, and of each instant up to its end that no portion
-    before had, the number of steps of the portion before it.
+    A batch of k steps has their starts and lengths (k,), s, and the indices, among its k + 1 states, of those at the
+    instants that no earlier batch has reached.
     """
-    breakpoints = np.unique(np.concatenate([[now], instants, [end]]))
+    breakpoints = np.unique(np.concatenate([[begin], instants, [end]]))
     counts = np.maximum(np.ceil(np.diff(breakpoints) / max_step - SAME_TIME), 1).astype(int)
     lengths, steps_before = np.diff(breakpoints) / counts, np.concatenate([[0], np.cumsum(counts)])
-    sampled, sampled_count = steps_before[np.searchsorted(breakpoints, instants)], 0
-    for begin in range(0, steps_before[-1], STEPS_PER_CALL):
-        steps = np.arange(begin, min(begin + STEPS_PER_CALL, steps_before[-1]))
-        interval = np.searchsorted(steps_before, steps, side="right") - 1
-        count = int(np.searchsorted(sampled, steps[-1] + 1, side="right"))
+    sampled_states, sampled_count = steps_before[np.searchsorted(breakpoints, instants)], 0
+    for first in range(0, steps_before[-1], STEPS_PER_CALL):
+        steps = np.arange(first, min(first + STEPS_PER_CALL, steps_before[-1]))
+        interval = np.searchsorted(steps_before, steps, side="right") - 1  # of two breakpoints, for each step
+        count = int(np.searchsorted(sampled_states, steps[-1] + 1, side="right"))
         starts = breakpoints[interval] + (steps - steps_before[interval]) * lengths[interval]
-        yield starts, lengths[interval], sampled[sampled_count:count] - begin
+        yield starts, lengths[interval], sampled_states[sampled_count:count] - first
         sampled_count = count
 
 

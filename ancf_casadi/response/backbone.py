@@ -46,6 +46,7 @@ from ancf_casadi.support.interrupts import lasting_interrupts
 from ancf_casadi.support.tables import Reported, Table, plural, spread
 
 MAX_BACKBONE_POINTS = 1000
+SINE = 2  # row of the coefficients C: the sine in the first harmonic, which holds the whole mode in small motion
 
 
 @dataclass(frozen=True, eq=False)
@@ -211,11 +212,12 @@ def backbone(
     functional, frequency = first.family.phase, first.family.setting.omega / (2 * math.pi)
     motions = [as_periodic_motion(subject, first)]
     point_amplitude = partial(PeriodicMotion.amplitude, point=_amplitude_point(motions[0]))
-    longest_change = float(functional @ first.coefficients[2]) / point_amplitude(motions[0]) * amplitude / points
+    # the modal coordinate may change by its final value in small motion, divided by the number of points
+    longest_change = float(functional @ first.coefficients[SINE]) / point_amplitude(motions[0]) * amplitude / points
 
     def longest(from_point: Point, tangent: Array) -> float:
         change, _ = from_point.family.split(tangent * from_point.family.scale)
-        rate = abs(float(functional @ change[2]))
+        rate = abs(float(functional @ change[SINE]))
         return longest_change / rate if rate else math.inf
 
     try:
@@ -244,14 +246,14 @@ def _small_mode_motion(subject: Excited, mode: int, amplitude: float, tolerance:
         raise NumericsError("the state of rest is unstable, so it has no modes")
     shape, omega = shapes[:, mode - 1], math.sqrt(eigenvalues[mode - 1])
     setting, change, functional = Setting(omega, 0.0, float(shape @ D @ shape)), np.zeros_like(C), M @ shape
-    change[2] = shape
+    change[SINE] = shape
     change *= amplitude / (_amplitude(subject, C + change * 1e-6, setting) * 1e6)
     family = Family(
         balance, setting, ("omega", "growth"), (omega, omega), motion_size(balance, change), tolerance, functional
     )
     guess = family.add_change(family.join(C, setting), family.join(change, Setting(0.0, 0.0)))
     gradient = np.zeros_like(C)
-    gradient[2] = functional
+    gradient[SINE] = functional
     row = family.join(gradient, Setting(0.0, 0.0)) * family.scale
     try:
         return point_at(family, guess, row / np.linalg.norm(row))
@@ -262,10 +264,10 @@ def _small_mode_motion(subject: Excited, mode: int, amplitude: float, tolerance:
 def _amplitude(subject: Excited, C: Array, setting: Setting) -> float:
     """Return the amplitude of the reference point, or of the largest coordinate."""
     if subject.model is None:
-        return float(np.abs(C[2]).max())
-    q, _, u = subject.kinematics(C, setting, np.array([0.5, 1.5]) * math.pi)
-    first, second = subject.displacement(cs.DM(q), cs.DM(u), None, None, relative=True).full().ravel().tolist()
-    return float(abs(first - second) / 2)
+        return float(np.abs(C[SINE]).max())
+    q, _, u = subject.kinematics(C, setting, np.array([0.5, 1.5]) * math.pi)  # the extremes of the sine
+    highest, lowest = subject.displacement(cs.DM(q), cs.DM(u), None, None, relative=True).full().ravel().tolist()
+    return float(abs(highest - lowest) / 2)
 
 
 def _amplitude_point(motion: PeriodicMotion) -> float | None:

@@ -324,7 +324,7 @@ def natural_modes(model: Model, *, count: int = 5, equilibrium: Equilibrium | No
     check_instance(model, "model", Model)
     check_instance(equilibrium, "equilibrium", Equilibrium, NoneType)
     count = whole(count, "count", 1, model.freedoms)
-    if not model.of_free(np.resize([1.0, 1.0, 0.0, 0.0], model.size)).any():
+    if not model.of_free(np.resize([1.0, 1.0, 0.0, 0.0], model.size)).any():  # x and y of all nodes
         raise InputError(
             "hold every node, so no mode moves one; use more elements, so that nodes lie between the supports",
             "supports",

@@ -133,9 +133,8 @@ def _interpolate_lines(frequencies: Array, rows: ComplexArray) -> tuple[Array, C
     # largest deviation of lines from equal spacing, relative to the spacing
     if np.abs(frequencies - even).max() <= 1e-3 * (even[1] - even[0]):
         return frequencies, rows
-    step = float(np.median(np.diff(frequencies)))
-    even = np.linspace(frequencies[0], frequencies[-1], 1 + round((frequencies[-1] - frequencies[0]) / step))
-    even = even[: 20 * len(frequencies)]
+    steps = round((frequencies[-1] - frequencies[0]) / float(np.median(np.diff(frequencies))))
+    even = np.linspace(frequencies[0], frequencies[-1], 1 + min(steps, 20 * len(frequencies)))  # at most 20 per line
     return even, np.array([np.interp(even, frequencies, row) for row in rows])
 
 

@@ -363,8 +363,9 @@ def _unknown_names(
     if len(set(names)) < len(names):
         raise InputError("must be different names", "unknowns")
     needed = {NATURAL_FREQUENCIES: curves, "excitation": curves, "excitations": curves, BASE_AMPLITUDE: motions}
+    needed |= dict.fromkeys(LOADS, motions)
     for name in names:
-        if not needed.get(name, motions if name in LOADS else [1]):
+        if name in needed and not needed[name]:
             raise InputError(f"{name} belongs to a kind of record that is not among the records", "unknowns")
     if NATURAL_FREQUENCIES in names and (motions or values or any(map(is_property, names))):
         raise InputError(

@@ -223,10 +223,8 @@ class ResponseRecord(Displayed):
         array([0.001 , 0.0011])
         """
         check_instance(sensor, "sensor", Sensor, NoneType)
-        own_unit, level_own = (
-            None if text is None else known_unit(text, name)
-            for text, name in ((unit, "unit"), (level_unit, "level_unit"))
-        )
+        stated_unit = None if unit is None else known_unit(unit, "unit")
+        stated_level_unit = None if level_unit is None else known_unit(level_unit, "level_unit")
         contents = read_spectral(path, frequency, layout=layout, progress=progress)
         contents = contents.only("--level", ["level"], level).only("--phase", ["phase"], phase)
         contents = contents.only("--column", ["amplitude", "real", ""], column)
@@ -235,17 +233,16 @@ class ResponseRecord(Displayed):
             contents = contents.only("--level", ["level"], levels_column.number)
         function = only_function(extract_functions(contents, phase_unit), contents.path)
         with error_prefix(f"{contents.path}: column {function.channel.label}"):
-            factor, read_by = amplitude_reading(function.channel, own_unit, sensor, for_beam=excitation_unit is None)
+            factor, sensor = amplitude_reading(function.channel, stated_unit, sensor, for_beam=excitation_unit is None)
         values = factor * function.values
-        notes = [*contents.notes, *(() if own_unit else unit_notes([function.channel]))]
-        levels, quantity, present = None, "", np.isfinite(contents.frequencies) & np.isfinite(values)
+        notes = [*contents.notes, *(() if stated_unit else unit_notes([function.channel]))]
+        levels, level_quantity, present = None, "", np.isfinite(contents.frequencies) & np.isfinite(values)
         if levels_column is not None:
-            levels_unit = level_own or levels_column.unit
-            levels, quantity = (
-                sine_amplitudes(levels_column) * (levels_unit.factor if levels_unit else 1.0),
-                levels_unit.quantity if levels_unit else "",
-            )
-            notes += () if levels_unit else unit_notes([levels_column])
+            levels = sine_amplitudes(levels_column)
+            if levels_unit := stated_level_unit or levels_column.unit:
+                levels, level_quantity = levels * levels_unit.factor, levels_unit.quantity
+            else:
+                notes += unit_notes([levels_column])
             present &= np.isfinite(levels)
             levels = levels[present]
         if not present.any():
@@ -255,13 +252,13 @@ class ResponseRecord(Displayed):
         frequencies = contents.frequencies[present]
         with error_prefix(contents.path):
             if excitation_unit is None:
-                base, load, levels = excitation_at_one(frequencies, levels, quantity, base, load)
+                base, load, levels = excitation_at_one(frequencies, levels, level_quantity, base, load)
             else:
-                excitation_unit = si_level_unit(quantity, excitation_unit)
+                excitation_unit = si_level_unit(level_quantity, excitation_unit)
         arguments: dict[str, Any] = {
             "frequencies": frequencies,
             "values": values[present],
-            "sensor": read_by,
+            "sensor": sensor,
             "base": base,
             "load": load,
             "levels": levels,

@@ -189,16 +189,12 @@ class ResponseBlock(Block):
         for record, (motion_values, _), points in zip(
             self.records, self.motions(values), self.measured(values), strict=True
         ):
-            phases: tuple[Array | float, ...] = (
-                (motion_values[:, 1], points.values[:, 1]) if points.has_phase else (0.0, 0.0)
-            )
             computed, measured = (
-                triple[:, 0] / triple[:, 2] * np.exp(1j * phase)
-                for triple, phase in zip((motion_values, points.values), phases, strict=True)
+                amplitudes / levels * np.exp(1j * phases * points.has_phase)
+                for amplitudes, phases, levels in (motion_values.T, np.nan_to_num(points.values).T)
             )
-            shares.append(
-                (record.label, root_mean_square(np.abs(computed - measured)) / root_mean_square(np.abs(measured)))
-            )
+            size = root_mean_square(np.abs(measured))
+            shares.append((record.label, root_mean_square(np.abs(computed - measured)) / size))
         return shares
 
     def account(self, fitted: Fitted) -> Account:

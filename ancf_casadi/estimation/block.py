@@ -26,7 +26,7 @@ from ancf_casadi.estimation.solver.gauss_newton import residuals_and_jacobian, r
 from ancf_casadi.estimation.solver.least_squares import residual_function
 from ancf_casadi.estimation.solver.unknown import Coordinates, Unknown
 from ancf_casadi.exceptions import FitError
-from ancf_casadi.support.arrays import Array, Index
+from ancf_casadi.support.arrays import Array, Index, root_mean_square
 from ancf_casadi.support.interrupts import delayed_interrupts
 
 MESH_ORDER = 4  # of the error of residuals in the length of an element
@@ -97,9 +97,7 @@ class SeriesWeights:
         for group, is_known in zip(self.groups, self.known, strict=True):
             if not is_known:
                 noise, group_series = np.concatenate([series[k] for k in group]), list(group)
-                size = (
-                    (robust_deviation(noise) if robust else math.sqrt(float(np.mean(noise**2)))) if noise.size else 0.0
-                )
+                size = (robust_deviation if robust else root_mean_square)(noise) if noise.size else 0.0
                 deviations[group_series] = np.maximum(size, self.floors[group_series])
         return replace(self, deviations=deviations)
 

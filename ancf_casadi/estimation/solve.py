@@ -121,14 +121,14 @@ class FitProblem:
         """Residuals (m,) of the fit for residuals of 1 in the units of their series."""
         return self.scale * np.concatenate([*(block.factors for block in self.blocks), np.ones(len(self._priors))])
 
-    def fitted(self, *, first: bool, jacobian: Array | None = None) -> Fit:
-        """Return the estimates for the weights of the blocks; ``first`` checks that the data determine them.
+    def fit(self, *, check: bool, jacobian: Array | None = None) -> Fit:
+        """Return the estimates for the weights of the blocks; ``check`` says whether the data must determine them.
 
         ``jacobian`` (m, n) is that of the residuals near the guesses, if it is known.
         """
         try:
             # fewer residuals are refused below, and so are those in closed form that rounding alone makes depend
-            if first and not self.closed_form and sum(self.series) >= len(self.unknowns):
+            if check and not self.closed_form and sum(self.series) >= len(self.unknowns):
                 self._check_determined()
             return self._minimum(jacobian)
         except FitError as error:
@@ -272,7 +272,7 @@ def solve(problem: FitProblem, starts: Sequence[Mapping[str, float]] = ({},), *,
 def fitted_once(problem: FitProblem) -> Fit:
     """Return the estimates for the weights and the discretisation that a problem has, enough near the truth."""
     try:
-        return problem.fitted(first=True)
+        return problem.fit(check=True)
     finally:
         problem.close()
 
@@ -284,7 +284,7 @@ def _optima(problem: FitProblem, starts: Sequence[Mapping[str, float]], *, compa
     for k, start in enumerate(starts):
         try:
             problem_from_start = replace(problem, unknowns=tuple(with_guesses(problem.unknowns, start)))
-            fits.append(problem_from_start.fitted(first=k == 0))
+            fits.append(problem_from_start.fit(check=k == 0))
             if not compare:
                 break
         except FitError as error:
@@ -323,7 +323,7 @@ def _reweight(problem: FitProblem, optima: Sequence[Fit]) -> tuple[FitProblem, F
         before, problem = problem, problem.with_blocks(better)
         if problem.has_same_optimum(before):
             return problem, fit, other_optima
-        fit, other_optima = _fitted_again(before, problem, fit), []
+        fit, other_optima = _refit(before, problem, fit), []
     return problem, fit, other_optima
 
 
@@ -393,13 +393,13 @@ def _refine(problem: FitProblem, fit: Fit, other_optima: Sequence[Fit]) -> FitSo
             if not any(changed):
                 break
             before, problem = problem, problem.with_blocks(changed)
-            fit = _fitted_again(before, problem, fit, keep=True)
+            fit = _refit(before, problem, fit, keep=True)
             continue
         coarse = [block for block, better in zip(problem.blocks, finer, strict=True) if better]
         keep = compared and turn.max() <= KEPT_TURN and all(block.inaccuracy for block in coarse)
         before, problem = problem, problem.with_blocks(finer)
         coarser = _reweighted_jacobian(before, problem, fit)
-        fit = _fitted_again(before, problem, fit, keep=keep)
+        fit = _refit(before, problem, fit, keep=keep)
         if not keep:
             turn, compared = _turn(fit, coarser), True
         for block in coarse:
@@ -454,13 +454,13 @@ def meaningful(shifts: Array, fit: Fit, least_relative: float) -> Array:
     return np.where(sizes * fit.errors <= least_relative * np.abs(fit.values), 0.0, sizes)
 
 
-def _fitted_again(before: FitProblem, problem: FitProblem, fit: Fit, *, keep: bool = False) -> Fit:
+def _refit(before: FitProblem, problem: FitProblem, fit: Fit, *, keep: bool = False) -> Fit:
     """Return the estimates of a problem whose blocks have changed, from those of the fit before.
 
     ``keep`` says whether the steps begin with the Jacobian of this fit.
     """
     started = replace(problem, unknowns=tuple(with_guesses(problem.unknowns, fit.estimates)))
-    again = started.fitted(first=False, jacobian=_reweighted_jacobian(before, problem, fit) if keep else None)
+    again = started.fit(check=False, jacobian=_reweighted_jacobian(before, problem, fit) if keep else None)
     iterations, seconds = fit.iterations + again.iterations, fit.solve_seconds + again.solve_seconds
     return replace(again, iterations=iterations, solve_seconds=seconds)
 

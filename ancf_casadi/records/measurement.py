@@ -174,8 +174,8 @@ class Measurement(Displayed):
                 raise InputError("has no times; give the sampling rate with --sample-rate")
             scale, measured = assign_sensor(channel, stated_unit, sensor)
             values = channel.values if scale == 1.0 else scale * channel.values
-            file_notes = unit_notes(recording.channels)
-            notes = [note for note in recording.notes if note not in file_notes]
+            unit_notes_of_all = unit_notes(recording.channels)
+            notes = [note for note in recording.notes if note not in unit_notes_of_all]
             notes += () if stated_unit else unit_notes([channel])
             if measured.quantity == "signal":
                 notes.append(

@@ -74,8 +74,8 @@ def decimate(values: Array, factor: int) -> tuple[Array, int]:
     from scipy.signal import upfirdn  # slow to import
 
     filter_ = _low_pass(1.0 / factor, 2 * (1 - 0.8) / factor)
-    filter_ = np.pad(filter_, -(len(filter_) // 2) % factor)  # begins at a sample that is kept
-    half = len(filter_) // 2
+    filter_ = np.pad(filter_, -(len(filter_) // 2) % factor)  # its half is then a multiple of the factor
+    half = len(filter_) // 2  # index of the first value with as many before it as the filter needs
     count = (len(values) - 1 - 2 * half) // factor + 1
     return np.asarray(upfirdn(filter_, values, down=factor)[2 * half // factor :][:count], dtype=float), half
 

@@ -49,32 +49,32 @@ class View:
 
     def positions(self, cv2: Any, points: Array) -> tuple[Array, Array]:
         """Return the positions (..., 2) of points, and the length of a pixel."""
-        straight_points = self._straight(cv2, points)
+        straight_points = self._undistort(cv2, points)
         ends = (
-            self._straight(cv2, np.reshape(self.ruler[:4], (2, 2)))
+            self._undistort(cv2, np.reshape(self.ruler[:4], (2, 2)))
             if self.ruler
             else np.array([[0.0, 0.0], [1.0, 0.0]])
         )
         scale = (self.ruler[4] if self.ruler else 1.0) / np.hypot(*(ends[1] - ends[0]))
         if self.clamp:
-            straight_points = straight_points - self._straight(cv2, np.array([self.clamp]))[0]
+            straight_points = straight_points - self._undistort(cv2, np.array([self.clamp]))[0]
         down = np.array([0.0, 1.0])
         if self.vertical:
-            line = self._straight(cv2, np.reshape(self.vertical, (2, 2)))
+            line = self._undistort(cv2, np.reshape(self.vertical, (2, 2)))
             down = (line[1] - line[0]) / np.hypot(*(line[1] - line[0]))
             down *= np.sign(down[1]) or 1.0  # rows count downwards
         right = np.array([down[1], -down[0]])
         return scale * np.stack([straight_points @ right, -straight_points @ down], axis=-1), scale
 
-    def _straight(self, cv2: Any, points: Array) -> Array:
-        """Return the places of points in a camera without distortion."""
+    def _undistort(self, cv2: Any, points: Array) -> Array:
+        """Return points (..., 2) as a camera without distortion would show them, px."""
         if self.lens is None:
             return points
         fx, fy, cx, cy, *distortion = self.lens
         camera = np.array([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]])
-        flat = points.reshape(-1, 1, 2)
-        finite = np.isfinite(flat).all(axis=(1, 2))
-        straight_points = np.full_like(flat, np.nan)
+        distorted = points.reshape(-1, 1, 2)
+        finite = np.isfinite(distorted).all(axis=(1, 2))
+        undistorted = np.full_like(distorted, np.nan)
         if finite.any():
-            straight_points[finite] = cv2.undistortImagePoints(flat[finite], camera, np.array(distortion))
-        return straight_points.reshape(points.shape)
+            undistorted[finite] = cv2.undistortImagePoints(distorted[finite], camera, np.array(distortion))
+        return undistorted.reshape(points.shape)

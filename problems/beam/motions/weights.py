@@ -102,8 +102,8 @@ def third_differences(channel: Channel) -> Array:
     # largest duration of four successive samples, relative to the median: no gap is among them
     without_gaps = span <= 1.5 * np.median(span)
     times, samples = times[without_gaps], samples[without_gaps]
-    gaps = (times[:, :, None] - times[:, None, :]) / span[without_gaps][:, None, None] + np.eye(4)
-    weights = 1 / gaps.prod(axis=2)
+    # the third divided difference is the sum of y_i/prod (t_i - t_j) over j != i; the diagonal adds a factor of 1
+    weights = 1 / ((times[:, :, None] - times[:, None, :]) / span[without_gaps][:, None, None] + np.eye(4)).prod(axis=2)
     return np.asarray((weights * samples).sum(axis=1) / np.linalg.norm(weights, axis=1))
 
 

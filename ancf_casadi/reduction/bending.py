@@ -152,11 +152,11 @@ def _simpson(model: Model) -> Array:
     """Return P, from the slopes at nodes and midpoints (and of a node of the base) to the nodal coordinates."""
     elements = model.beam.elements
     shape = np.zeros((2 * elements + 2, 2 * elements + 1))
-    nodes = np.arange(elements + 1)
-    shape[2 * nodes + 1, 2 * nodes] = 1.0
+    positions, slopes = shape[::2], shape[1::2]  # of the nodes
+    slopes[:, ::2] = np.eye(elements + 1)
     for i, l in enumerate(model.beam.element_lengths.tolist()):
-        shape[2 * i + 2] = shape[2 * i]
-        shape[2 * i + 2, 2 * i : 2 * i + 3] += l / 6 * np.array([1.0, 4.0, 1.0])
+        positions[i + 1] = positions[i]
+        positions[i + 1, 2 * i : 2 * i + 3] += l / 6 * np.array([1.0, 4.0, 1.0])
     return np.asarray(scipy.linalg.block_diag(*[np.array([[0.0], [1.0]])] * model.root, shape))
 
 

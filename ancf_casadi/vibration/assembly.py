@@ -225,7 +225,10 @@ def _beam_groups(model: Model) -> tuple[EqualElements, ...]:
 
 
 def _elements_under(model: Model, load: Load) -> list[tuple[int, list[float]]]:
-    """Return the elements under a load, each with the constants of its balance."""
+    """Return the elements under a load, each with the constants of its balance.
+
+    They are the place of a point load in the element, or both ends of a line load, from 0 to 1, and its length, m.
+    """
     beam = model.beam
     if isinstance(load, PointLoad):
         index, xi = model.place_at(load.place(beam))

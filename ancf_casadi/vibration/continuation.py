@@ -63,17 +63,17 @@ class ProportionalLoading:
         return any(any(support.displacement) or support.angle for support in self.model.beam.supports)
 
     def model_at(self, factor: float) -> Model:
-        """Return the model with its supports displaced by a multiple."""
+        """Return the model with the displacements of its supports multiplied by a factor."""
         if not self.moves:
             return self.model
         supports = []
         for support in self.model.beam.supports:
-            turned = {"rotation": factor * support.angle} if hasattr(support, "rotation") else {}
+            rotation = {"rotation": factor * support.angle} if hasattr(support, "rotation") else {}
             x, y = support.displacement
-            displaced = replace(support, displacement=(factor * x, factor * y), **turned)
-            # a clamp of the beginning that is not displaced would take its node from the model
-            at_rest = displaced == Clamp() != support
-            supports.append(replace(displaced, displacement=(1e-29, 0.0)) if at_rest else displaced)
+            displaced = replace(support, displacement=(factor * x, factor * y), **rotation)
+            if displaced == Clamp() and support != Clamp():  # without a displacement, the model would lose its node
+                displaced = replace(displaced, displacement=(1e-29, 0.0))
+            supports.append(displaced)
         return replace(self.model, beam=replace(self.model.beam, supports=tuple(supports)))
 
     def point(self, factor: float, equilibrium: Equilibrium) -> PathPoint:

@@ -174,7 +174,8 @@ def reduced_forces(
 ) -> tuple[Expression, Expression, Expression, Expression]:
     """Return R (m, N), and all forces, the damping forces and the load forces, (m + 2, N), for q, v, a, u and p.
 
-    The motion is numbers or symbols; numbers avoid the time to build Functions that are evaluated only a few times.
+    The parameters p are gravity and those of the law or, if ``tuned``, those of ``reduced_system``.  The motion is
+    numbers or symbols; numbers avoid the time to build Functions that are evaluated only a few times.
     """
     m, law, model = reduced.count, reduced.law, reduced.model
     q, v, a, u, p = motion
@@ -187,8 +188,9 @@ def reduced_forces(
     forces = state.undamped_forces(a) + damping - load_forces
     balance = forces[:m, :]
     if tuned:
-        balance += cs.diag((factors[:-1] ** 2 - 1) * reduced.modes.angular_frequencies**2) @ q
-        balance += (factors[-1] - 1) * state.elastic_force
+        frequency_factors, modulus_factor = factors[:m], factors[m]
+        balance += cs.diag((frequency_factors**2 - 1) * reduced.modes.angular_frequencies**2) @ q
+        balance += (modulus_factor - 1) * state.elastic_force
     return balance, forces, damping, load_forces
 
 

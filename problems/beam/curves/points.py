@@ -204,7 +204,7 @@ def closest(driven: Driven, measured: Measured, s: Array, start: PointMotion) ->
     The curvature l'' is that of the last two points, and counts where it increases the second derivative.
     """
     try:
-        motion = _again(driven, driven.curve(measured.omega, s), start)
+        motion = _transfer_motion(driven, driven.curve(measured.omega, s), start)
     except NotFound:
         raise NumericsError("Newton's method does not converge to a steady motion") from None
     bends = np.zeros(3)
@@ -221,7 +221,7 @@ def closest(driven: Driven, measured: Measured, s: Array, start: PointMotion) ->
     raise NumericsError("the motion closest to the measured point is not found")
 
 
-def _again(driven: Driven, curve: Family, start: PointMotion) -> PointMotion:
+def _transfer_motion(driven: Driven, curve: Family, start: PointMotion) -> PointMotion:
     """Return the motion on a curve near one on another, which may have fewer modes and harmonics."""
 
     def pad(vector: Array) -> Array:

@@ -24,11 +24,10 @@ import numpy as np
 
 from ancf_casadi.dynamics.signals import MotionFunctions, Signal, values
 from ancf_casadi.exceptions import InputError
-from ancf_casadi.export.motion_functions import BeamFunctions
+from ancf_casadi.export.motion_functions import BeamFunctions, jacobian_at_rest, value_and_jacobian
 from ancf_casadi.export.solved_functions import GAMMA
 from ancf_casadi.mechanics.nodes import NODE
 from ancf_casadi.reduction.stepping import STEPS_PER_PERIOD
-from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.files import check_folder, check_ours, fill_template, write_files
 from ancf_casadi.support.inputs import check_instance, instances, matches, shown
 
@@ -104,7 +103,7 @@ def _release(functions: MotionFunctions) -> dict[str, Any]:
         p = cs.MX.sym("p", len(functions.parameters))
         q = functions.equilibrium(p)
         tip = functions.tip(q, cs.MX(len(functions.base), 1))
-        coordinates, jacobian = _value_and_jacobian(cs.vertcat(tip, q), p, values(functions.parameters))
+        coordinates, jacobian = value_and_jacobian(cs.vertcat(tip, q), p, values(functions.parameters))
         x, y = coordinates[:2]
         side_direction = np.array([-y, x]) / np.hypot(x, y)
         rows = [k for k, signal in enumerate(functions.states[: functions.free], start=2) if signal.unit == "m"]
@@ -114,25 +113,12 @@ def _release(functions: MotionFunctions) -> dict[str, Any]:
     q, base_at_rest = cs.MX.sym("q", functions.free), cs.MX(len(functions.base), 1)
     e, _ = functions.named["coordinates"](q, cs.MX(functions.free, 1), base_at_rest)
     tip_and_nodes = cs.vertcat(functions.tip(q, base_at_rest), e)
-    coordinates, jacobian = _value_and_jacobian(tip_and_nodes, q, np.zeros(functions.free))
+    coordinates, jacobian = value_and_jacobian(tip_and_nodes, q, np.zeros(functions.free))
     node_displacements = np.linalg.norm(jacobian[2:, 0].reshape(-1, NODE)[:, :2], axis=1)
     deflection = DEFLECTION * np.linalg.norm(coordinates[:2]) / node_displacements.max()
-    steps_per_sample = math.ceil(PROGRAM_STEP * STEPS_PER_PERIOD * _highest_frequency(functions))
+    highest_frequency = np.sqrt(np.abs(np.linalg.eigvals(jacobian_at_rest(functions))).max()) / (2 * np.pi)
+    steps_per_sample = math.ceil(PROGRAM_STEP * STEPS_PER_PERIOD * highest_frequency)
     return {"steps_per_sample": steps_per_sample, "pull": (), "deflection": float(deflection)}
-
-
-def _highest_frequency(functions: MotionFunctions) -> float:
-    """Return the highest natural frequency about rest, Hz."""
-    q, n = cs.MX.sym("q", functions.free), functions.free
-    rest_inputs = cs.MX(n, 1), cs.MX(len(functions.base), 1), cs.MX(cs.DM(values(functions.parameters)))
-    _, jacobian = _value_and_jacobian(functions.rhs(q, *rest_inputs), q, values(functions.states)[:n])
-    return float(np.sqrt(np.abs(np.linalg.eigvals(jacobian)).max()) / (2 * np.pi))
-
-
-def _value_and_jacobian(expression: cs.MX, symbol: cs.MX, point: Array) -> list[Array]:
-    results = cs.Function("value_and_jacobian", [symbol], [expression, cs.jacobian(expression, symbol)])(point)
-    value, jacobian = (result.full() for result in results)
-    return [value.ravel(), jacobian]
 
 
 def write_c(

@@ -29,7 +29,7 @@ import casadi as cs
 import numpy as np
 
 from ancf_casadi.dynamics.signals import MotionFunctions, Signal, values
-from ancf_casadi.export.motion_functions import BeamFunctions
+from ancf_casadi.export.motion_functions import BeamFunctions, jacobian_at_rest, value_and_jacobian
 from ancf_casadi.export.solved_functions import (
     KENNEDY_CARPENTER,
     KENNEDY_CARPENTER_ERROR,
@@ -130,10 +130,7 @@ def _stiff_step(functions: BeamFunctions, length: float) -> cs.Function:
 
 def _lawson_step(functions: MotionFunctions) -> cs.Function:
     """Return (q, v, base, (p, F), h) -> q_next, v_next."""
-    q, n = cs.MX.sym("q", functions.free), functions.free
-    rest_inputs = cs.MX(n, 1), cs.MX(len(functions.base), 1), cs.MX(cs.DM(values(functions.parameters)))
-    squares = cs.Function("squares", [q], [cs.diag(cs.jacobian(functions.rhs(q, *rest_inputs), q))])(np.zeros(n))
-    return lawson_step(_loaded_rhs(functions), np.sqrt(np.abs(squares.full().ravel())))
+    return lawson_step(_loaded_rhs(functions), np.sqrt(np.abs(jacobian_at_rest(functions).diagonal())))
 
 
 def _error_weights(functions: MotionFunctions) -> tuple[cs.DM, float]:
@@ -145,7 +142,7 @@ def _error_weights(functions: MotionFunctions) -> tuple[cs.DM, float]:
     else:
         q, base_at_rest = cs.MX.sym("q", functions.free), cs.MX(len(functions.base), 1)
         e, _ = functions.named["coordinates"](q, cs.MX(functions.free, 1), base_at_rest)
-        nodes, jacobian = (value.full() for value in cs.Function("nodes", [q], [e, cs.jacobian(e, q)])(equilibrium))
+        nodes, jacobian = value_and_jacobian(e, q, equilibrium)
         position_rows = np.arange(len(nodes)) % NODE < 2
         positions, shapes = nodes[position_rows], jacobian[position_rows]
     length = float(np.abs(positions).max())

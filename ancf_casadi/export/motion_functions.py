@@ -50,6 +50,7 @@ from ancf_casadi.export.solved_functions import equilibrium_function, free_block
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.mechanics.nodes import NODE
 from ancf_casadi.reduction.reduced import ReducedFunctions
+from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.files import check_file, check_ours, open_file, write_file
 from ancf_casadi.support.inputs import check_instance, numbers, whole
 from ancf_casadi.vibration.modes import natural_modes
@@ -213,6 +214,20 @@ def beam_functions(
             model.beam.length,
         ),
     )
+
+
+def value_and_jacobian(expression: cs.MX, symbol: cs.MX, point: Array) -> tuple[Array, Array]:
+    """Return the value (k,) of an expression of a symbol (n,) at a point, and its Jacobian (k, n)."""
+    results = cs.Function("value_and_jacobian", [symbol], [expression, cs.jacobian(expression, symbol)])(point)
+    value, jacobian = (result.full() for result in results)
+    return value.ravel(), jacobian
+
+
+def jacobian_at_rest(functions: MotionFunctions) -> Array:
+    """Return the Jacobian of the accelerations with respect to the free coordinates, (n, n), at rest."""
+    q, n = cs.MX.sym("q", functions.free), functions.free
+    rest_inputs = cs.MX(n, 1), cs.MX(len(functions.base), 1), cs.MX(cs.DM(values(functions.parameters)))
+    return value_and_jacobian(functions.rhs(q, *rest_inputs), q, values(functions.states)[:n])[1]
 
 
 def _base_node(model: Model, base: cs.MX) -> list[cs.MX]:

@@ -223,10 +223,9 @@ def subset_estimates(fit: Fit, mask: Mask, least_deviation: float = 0.0) -> tupl
 
 def allowing_for_later_starts(fit: Fit, late: Sequence[Mask]) -> Fit:
     """Return a fit whose covariance allows for the scatter of its estimates between late residuals and the others."""
-    free, (psi, _) = ~fit.active_bounds, influence(fit.residuals, fit.huber)
-    if not free.any() or not fit.noise.variance > 0.0:
+    if not fit.rank or not fit.noise.variance > 0.0:
         return fit
-    basis, _ = np.linalg.qr(fit.jacobian[:, free] * fit.scale[free])
+    (basis, _), (psi, _) = fit.free_basis, influence(fit.residuals, fit.huber)
     before = fit.noise.form(basis)
     form = before.copy()
     for mask in late:
@@ -240,18 +239,15 @@ def allowing_for_later_starts(fit: Fit, late: Sequence[Mask]) -> Fit:
 
 def allowing_for_errors(fit: Fit, errors: Array) -> Fit:
     """Return a fit whose covariance allows for errors of its data: independent normal multiples of columns (m, k)."""
-    free = ~fit.active_bounds
-    if not free.any() or not fit.noise.variance > 0.0:
+    if not fit.rank or not fit.noise.variance > 0.0:
         return fit
-    basis, _ = np.linalg.qr(fit.jacobian[:, free] * fit.scale[free])
-    projections = basis.T @ (row_weights(fit.residuals, fit.huber)[:, None] ** 2 * errors)
+    projections = fit.free_basis[0].T @ (row_weights(fit.residuals, fit.huber)[:, None] ** 2 * errors)
     return _with_transient(fit, projections @ projections.T)
 
 
 def _with_transient(fit: Fit, transient: Array) -> Fit:
     """Return a fit whose noise has a further covariance (n, n) of the projections on its orthonormal columns."""
-    free, w = ~fit.active_bounds, influence(fit.residuals, fit.huber)[1]
-    basis, triangle = np.linalg.qr(fit.jacobian[:, free] * fit.scale[free])
+    free, w, (basis, triangle) = ~fit.active_bounds, influence(fit.residuals, fit.huber)[1], fit.free_basis
     form = fit.noise.form(basis) + transient
     root = fit.scale[free, None] * np.linalg.inv(triangle) / w
     covariance = fit.covariance.copy()

@@ -148,6 +148,16 @@ class Fit:
         return len(self.residuals) - self.rank
 
     @property
+    def free_columns(self) -> Array:
+        """Jacobian of the residuals with respect to the f free coordinates in units of their scales, (m, f)."""
+        return self.jacobian[:, ~self.active_bounds] * self.scale[~self.active_bounds]
+
+    @property
+    def free_basis(self) -> tuple[Array, Array]:
+        """Orthonormal basis q (m, f) of ``free_columns``, and the triangle R (f, f) for which they are q R."""
+        return np.linalg.qr(self.free_columns)
+
+    @property
     def residual_rms(self) -> float:
         """Root mean square of the residuals, Eq. (10)."""
         return math.sqrt(np.mean(self.residuals**2))
@@ -171,10 +181,9 @@ class Fit:
     def white_errors(self) -> Array:
         """Standard errors (n,) if the noise were white; nan for unknowns at a bound."""
         errors, free = np.full(len(self.names), math.nan), ~self.active_bounds
-        triangle = np.linalg.qr(self.jacobian[:, free] * self.scale[free], mode="r")
         phi = dispersion(self.residuals, self.degrees_of_freedom, self.huber, self.systematic)
         w = influence(self.residuals, self.huber)[1]
-        errors[free] = self.scale[free] * np.linalg.norm(np.linalg.inv(triangle), axis=1) * math.sqrt(phi / w)
+        errors[free] = self.scale[free] * np.linalg.norm(np.linalg.inv(self.free_basis[1]), axis=1) * math.sqrt(phi / w)
         return errors
 
     def dispersion(self, column: Array) -> float:
@@ -250,7 +259,7 @@ class Fit:
         variances = np.zeros(moves.shape[1])
         psi, curvature = influence(self.residuals, self.huber)
         free, scale = ~self.active_bounds, self.scale[~self.active_bounds]
-        scaled = self.jacobian[:, free] * scale
+        scaled = self.free_columns
         for j, (move, k) in enumerate(zip(moves.T, np.flatnonzero(self.active_bounds).tolist(), strict=True)):
             inwards = 1.0 if self.values[k] == self.lower[k] else -1.0
             column = inwards * self.jacobian[:, k]

@@ -156,7 +156,7 @@ def _bends(fit: Fit, quantities: Quantities | None, level: float) -> Array:
         return bends
     z = cs.MX.sym("z", n)
     alone = cs.Function("residuals_alone", [z], [fit.model.call([z], True, False)[0]])
-    basis, triangle = np.linalg.qr(fit.jacobian[:, free] * fit.scale[free])
+    basis, triangle = fit.free_basis
     least_loss, w = loss_value(fit.residuals, fit.huber), influence(fit.residuals, fit.huber)[1]
     for k in np.flatnonzero((np.abs(rows[:, free] * fit.errors[free]) > ROUNDING * fit.scale[free]).any(axis=1)):
         u: Array = np.linalg.solve(triangle.T, (rows[k] * fit.scale)[free])
@@ -239,18 +239,18 @@ def _fit_held(fit: Fit, k: int, at: float, start_values: Array) -> tuple[Array, 
 
 def _fit_without(fit: Fit, k: int, values: Array, residuals: Array, jacobian: Array, active: Mask) -> Fit:
     """Return the fit of all unknowns but one, with the noise of the fit of all."""
-    active, scale = np.delete(active, k), np.delete(fit.scale, k)
-    jacobian, covariance = np.delete(jacobian, k, axis=1), np.full((len(active), len(active)), math.nan)
-    basis, triangle = np.linalg.qr(jacobian[:, ~active] * scale[~active])
-    root, w = scale[~active, None] * np.linalg.inv(triangle), influence(residuals, fit.huber)[1]
-    spread = fit.noise.form(basis) / w**2 + len(residuals) * fit.systematic**2 * np.eye(len(root))
-    covariance[np.ix_(~active, ~active)] = root @ spread @ root.T
-    return replace(
+    active, w = np.delete(active, k), influence(residuals, fit.huber)[1]
+    others = replace(
         fit,
         unknowns=tuple(unknown for i, unknown in enumerate(fit.unknowns) if i != k),
         values=np.delete(values, k),
-        covariance=covariance,
+        covariance=np.full((len(active), len(active)), math.nan),
         active_bounds=active,
         residuals=residuals,
-        jacobian=jacobian,
+        jacobian=np.delete(jacobian, k, axis=1),
     )
+    basis, triangle = others.free_basis
+    root = others.scale[~active, None] * np.linalg.inv(triangle)
+    spread = fit.noise.form(basis) / w**2 + len(residuals) * fit.systematic**2 * np.eye(len(root))
+    others.covariance[np.ix_(~active, ~active)] = root @ spread @ root.T
+    return others

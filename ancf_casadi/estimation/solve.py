@@ -329,8 +329,7 @@ def _reweight(problem: FitProblem, optima: Sequence[Fit]) -> tuple[FitProblem, F
 
 def standardised_residuals(fit: Fit) -> Array:
     """Return the residuals (m,) over (1 - h)^1/2, with the leverage h: as large as the noise in them."""
-    free = fit.jacobian[:, ~fit.active_bounds] * fit.scale[~fit.active_bounds]
-    leverage = np.sum(np.linalg.qr(free)[0] ** 2, axis=1)
+    leverage = np.sum(fit.free_basis[0] ** 2, axis=1)
     return np.asarray(fit.residuals / np.sqrt(np.maximum(1 - leverage, LEAST_SHARE)))
 
 

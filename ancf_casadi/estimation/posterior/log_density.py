@@ -179,10 +179,10 @@ class LogDensity(Displayed):
     def value(self, x: Array) -> float:
         """Return the logarithm of the density at coordinates (n,); minus infinity where it cannot be computed."""
         x = self._each(x, "x")
-        r, *_ = self._evaluated(self._residuals, x)
+        r, *_ = self._evaluate(self._residuals, x)
         if not np.isfinite(r).all():
             return -math.inf
-        return self._of(r)[0] + self._prior(x)[0] + self.log_jacobian(x)
+        return self._log_likelihood(r)[0] + self._prior(x)[0] + self.log_jacobian(x)
 
     def value_and_gradient(self, x: Array) -> tuple[float, Array]:
         """Return the logarithm of the density at coordinates (n,), and its gradient (n,) by them.
@@ -190,10 +190,10 @@ class LogDensity(Displayed):
         Where the density cannot be computed, they are minus infinity and zeros.
         """
         x = self._each(x, "x")
-        r, jacobian = self._evaluated(self.fit.model, x)
+        r, jacobian = self._evaluate(self.fit.model, x)
         if not (np.isfinite(r).all() and np.isfinite(jacobian).all()):
             return -math.inf, np.zeros(len(x))
-        value, by_residuals = self._of(r)
+        value, by_residuals = self._log_likelihood(r)
         prior, by_prior = self._prior(x)
         sign, _, _, size = self._ends
         # gradient of the logarithm of the Jacobian determinant
@@ -220,7 +220,7 @@ class LogDensity(Displayed):
                 value += 2 * cs.log(x + unknown.offset) if unknown.offset is not None else 0.0
         return cs.Function("prior", [y], [value, cs.densify(cs.gradient(value, y))])
 
-    def _evaluated(self, function: cs.Function, x: Array) -> list[Array]:
+    def _evaluate(self, function: cs.Function, x: Array) -> list[Array]:
         """Return the outputs of a Function at coordinates (n,); nan where they cannot be computed."""
         y = self.bounded(x)
         try:
@@ -232,7 +232,7 @@ class LogDensity(Displayed):
             pass
         return [np.full(function.size_out(k), math.nan) for k in range(function.n_out())]
 
-    def _of(self, residuals: Array) -> tuple[float, Array]:
+    def _log_likelihood(self, residuals: Array) -> tuple[float, Array]:
         """Return the logarithm of the likelihood, and its derivatives (m,) by the residuals of measured values."""
         f, d = self.fit.noise.freedom, self.fit.huber
         n = len(self.names) - self._prior_count

@@ -106,23 +106,30 @@ def _quadratic_forms(modes: Modes, pairs: Index, modal_derivatives: Array) -> tu
     m, pair_index = modes.count, {tuple(pair): k for k, pair in enumerate(pairs.tolist())}
     tuples = [*itertools.combinations_with_replacement(range(m), 4)]
     position: dict[tuple[int, ...], int] = {indices: k for k, indices in enumerate(tuples)}
-    derivatives, first, second, twice_energy = _derivatives(modes, np.array(tuples), pair_index, modal_derivatives)
-    d1, d2, d3, d4 = derivatives
+    (d1, d2, d3, d4), first, second, twice_energy = _derivatives(modes, np.array(tuples), pair_index, modal_derivatives)
+
+    def by(derivatives: Array, *indices: int) -> Array:
+        """Return the derivative by q of up to four modes, which all tuples that begin with these have."""
+        indices = tuple(sorted(indices))
+        return np.asarray(derivatives[..., position[indices + indices[-1:] * (4 - len(indices))]])
+
     multiplicity = np.where(pairs[:, 0] == pairs[:, 1], 1.0, 2.0)
-    linear, W = 1 + np.arange(m), np.zeros((1 + m + len(pairs),) * 2)
+    W = np.zeros((1 + m + len(pairs),) * 2)
     W[0, 0] = twice_energy
     for i in range(m):
-        W[0, 1 + i] = W[1 + i, 0] = d1[position[i, i, i, i]]
-        W[1 + i, linear] = [d2[position[(*sorted((i, j)), *(2 * (max(i, j),)))]] for j in range(m)]
-        cubic = [d3[position[(*sorted((i, *pair)), max(i, *pair))]] for pair in pairs.tolist()]
-        W[1 + i, 1 + m :] = W[1 + m :, 1 + i] = multiplicity * cubic / 6
+        W[0, 1 + i] = W[1 + i, 0] = by(d1, i)
+        W[1 + i, 1 : 1 + m] = [by(d2, i, j) for j in range(m)]
+        W[1 + i, 1 + m :] = W[1 + m :, 1 + i] = multiplicity * [by(d3, i, *pair) for pair in pairs.tolist()] / 6
     for k, pair in enumerate(pairs.tolist()):
-        quartic = [d4[position[tuple(sorted((*pair, *other_pair)))]] for other_pair in pairs.tolist()]
-        W[1 + m + k, 1 + m :] = multiplicity[k] * multiplicity * quartic / 12
-    linear_strains = first[:, [position[i, i, i, i] for i in range(m)]]
-    quadratic_strains = multiplicity / 2 * second[:, [position[i, j, j, j] for i, j in pairs.tolist()]]
-    strains = np.hstack([np.zeros((len(first), 1)), linear_strains, quadratic_strains])
-    return W, strains.T @ strains
+        W[1 + m + k, 1 + m :] = (
+            multiplicity[k] * multiplicity * [by(d4, *pair, *other) for other in pairs.tolist()] / 12
+        )
+    linear_strains = [by(first, i) for i in range(m)]
+    quadratic_strains = [
+        factor / 2 * by(second, *pair) for factor, pair in zip(multiplicity, pairs.tolist(), strict=True)
+    ]
+    strains = np.array([np.zeros(len(first)), *linear_strains, *quadratic_strains])
+    return W, strains @ strains.T
 
 
 def _derivatives(

@@ -78,6 +78,7 @@ class Slopes:
         columns = 2 * (np.arange(lengths.size) + model.root) + np.arange(4)[:, None]
         entries = [entry.ravel() for entry in np.broadcast_arrays(values, rows, columns)]
         if model.root:
+            # value, row and column of the slope at the beginning of the beam
             entries = [np.append(entry, of_root) for entry, of_root in zip(entries, (1.0, 0, 3), strict=True)]
         data, *places = entries
         shape = 2 * lengths.size + model.root, model.size // 2

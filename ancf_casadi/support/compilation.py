@@ -321,10 +321,11 @@ class Buffered:
         buffer, self._evaluate = function.buffer()
         sizes = [function.numel_out(k) for k in range(function.n_out())]
         self.outputs = [*outputs, *map(np.zeros, sizes[len(outputs) :])]
-        self._memory = buffer, [array.reshape(-1).view(float) for array in inputs], [*map(np.ravel, self.outputs)]
-        for k, array in enumerate(self._memory[1]):
+        flat_inputs, flat_outputs = [array.reshape(-1).view(float) for array in inputs], [*map(np.ravel, self.outputs)]
+        self._memory = buffer, flat_inputs, flat_outputs  # which CasADi only points to
+        for k, array in enumerate(flat_inputs):
             buffer.set_arg(k, array.data)
-        for k, array in enumerate(self._memory[2]):
+        for k, array in enumerate(flat_outputs):
             buffer.set_res(k, array.data)
 
     def __call__(self) -> list[Array]:

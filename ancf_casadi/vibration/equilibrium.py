@@ -147,11 +147,11 @@ class Equilibrium(Reported):
 
 
 def neighbouring_equilibrium(
-    structure: Structure, start: Position, support: Array | float = 0.0, support_motion: Array | None = None
+    structure: Structure, start: Position, relief: Array | float = 0.0, support_motion: Array | None = None
 ) -> Position | None:
     """Return the equilibrium next to a position; None if Newton's method fails or a slope rotates too far.
 
-    ``support`` (N,) are generalized forces that carry a share of the loads; they are added to the balance R.
+    ``relief`` (N,) are generalized forces that carry a share of the loads; they are added to the balance R.
     ``support_motion`` (size,) leads from the position to the equilibrium; only the first correction contains it.
     """
     model, position = structure.model, start
@@ -165,7 +165,7 @@ def neighbouring_equilibrium(
         if support_motion is not None:
             force = force + structure.whole_product(position)(support_motion)
         try:
-            step = -solve_refined(factorise(stiffness).solve, structure.stiffness_product(position), force + support)
+            step = -solve_refined(factorise(stiffness).solve, structure.stiffness_product(position), force + relief)
         except np.linalg.LinAlgError:
             return None
         if not np.isfinite(step).all():

@@ -114,7 +114,10 @@ class BeamFit(BlocksResult):
         return np.array([self.estimates[name] / value for name, value in self.first.items()])
 
     def _start_model(self, model: Model) -> Model:
-        """Return a model with the first stiffness of the clamp, if that is unknown and the clamp of the model rigid."""
+        """Return a model with the first stiffness of the clamp, if that is unknown and the clamp of the model rigid.
+
+        Refuse a model in which an unknown property has another value than at the start of the fit.
+        """
         if CLAMP_STIFFNESS in self.first:
             model = with_clamp_stiffness(model, self.first[CLAMP_STIFFNESS])
         for name, first in self.first.items():

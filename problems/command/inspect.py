@@ -93,7 +93,7 @@ def _summary(channel: RecordedChannel) -> dict[str, Any]:
     present = ~np.isnan(channel.values)
     values = channel.values[present]
     usable = bool(len(values)) and not channel.fault
-    even = _even(channel) if usable else None
+    even = _resample_evenly(channel) if usable else None
     return {
         "number": channel.number, "name": channel.name, "unit": channel.symbol,
         "quantity": channel.unit.quantity if channel.unit else "", "samples": len(values),
@@ -126,7 +126,7 @@ def _peak(time: Array, values: Array) -> float:
     return step_frequency(time, swing) if slow else frequency
 
 
-def _even(channel: RecordedChannel) -> tuple[Array, Array] | None:
+def _resample_evenly(channel: RecordedChannel) -> tuple[Array, Array] | None:
     """Return the samples of a channel at even times, across gaps by linear interpolation; None if too few."""
     if channel.time is None:
         return None
@@ -155,7 +155,7 @@ def _plan(recording: Recording, options: argparse.Namespace, problem: str) -> di
     except InputError as error:
         return plan | {"problem": str(error)}
     release, reason, periods = float(record.time[0]), "the first sample", math.nan
-    if even := _even(channel):
+    if even := _resample_evenly(channel):
         detected = find_release(*even)
         time, values = even[0][detected.index :], even[1][detected.index :]
         release, reason = float(time[0]), detected.reason
@@ -262,7 +262,7 @@ def _figure(recording: Recording, plan: Mapping[str, Any]) -> Figure:
 
     series: list[tuple[str, Array, Array, tuple[Array, Array]]] = []
     for channel in recording.channels:
-        even = None if channel.fault or is_time(channel) else _even(channel)
+        even = None if channel.fault or is_time(channel) else _resample_evenly(channel)
         if even is not None and channel.time is not None and len(series) < 6:  # channels in the figure
             label = f"{channel.name}, {channel.symbol}" if channel.symbol not in channel.name else channel.name
             series.append((label, channel.time, channel.values, even))

@@ -41,7 +41,7 @@ import math
 from abc import abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any, Self
 
 import casadi as cs
@@ -246,26 +246,14 @@ def response_channels(record: ResponseRecord, values: Array, errors: Array, pref
     if record.measured_phases is not None:
         phases = measured + np.angle(np.exp(1j * (phases - measured)))
     labels, quantity = tuple(f"{f:.6g} Hz" for f in record.f.tolist()), record.sensor.quantity
-    quantities: tuple[tuple[str, str, Array, Array, float | Array], ...] = (
-        ("amplitude", record.sensor.unit, record.amplitudes, amplitudes, record.amplitudes),
-        ("phase", "rad", measured, phases, 1.0),
-    )
+    size, unit, (amplitude_std, phase_std, _) = record.amplitudes, record.sensor.unit, record.stds
+    channel = partial(PredictedChannel, places=record.f, axis="frequency, Hz", labels=labels)
     return [
-        PredictedChannel(
-            prefix + name,
-            unit,
-            data,
-            computed,
-            error,
-            record.f,
-            "frequency, Hz",
-            std,
-            size,
-            labels,
-            f"{quantity} {name}",
-        )
-        for (name, unit, data, computed, size), error, std in zip(quantities, errors, record.stds[:2], strict=True)
-    ]
+        channel(f"{prefix}amplitude", unit, size, amplitudes, errors[0], noise=amplitude_std, size=size,
+                diagram=f"{quantity} amplitude"),
+        channel(f"{prefix}phase", "rad", measured, phases, errors[1], noise=phase_std, size=1.0,
+                diagram=f"{quantity} phase"),
+    ]  # fmt: skip
 
 
 def across(slopes: Array, response_controlled: bool, has_phase: bool) -> Array:

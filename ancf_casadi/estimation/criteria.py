@@ -207,13 +207,11 @@ def _squares(fit: Fit, residuals: Array, span: Array, unit: float) -> Array:
     along = residuals @ (span.T @ basis)
     split = len(order) - bounded
     tail, T, near_ends = along[:, split:], triangle[split:, split:], ends[:, order[split:]]
-    edge, least_squares = (
-        np.where(-near_ends[0] < near_ends[1], near_ends[0], near_ends[1]),
-        np.full(len(residuals), math.inf),
-    )
+    nearer_ends = np.where(-near_ends[0] < near_ends[1], near_ends[0], near_ends[1])
+    least_squares = np.full(len(residuals), math.inf)
     for at_bound in product((False, True), repeat=bounded):
         at, free = np.array(at_bound, dtype=bool), ~np.array(at_bound, dtype=bool)
-        target = tail + T[:, at] @ edge[at]
+        target = tail + T[:, at] @ nearer_ends[at]
         steps = -target @ np.linalg.pinv(T[:, free]).T
         inside = ((steps >= near_ends[0, free]) & (steps <= near_ends[1, free])).all(axis=1)
         squares = np.sum((target + steps @ T[:, free].T) ** 2, axis=1)

@@ -47,7 +47,12 @@ from ancf_casadi.damping import RayleighDamping, SumOfLaws
 from ancf_casadi.dynamics.equations import Equations
 from ancf_casadi.dynamics.signals import MotionFunctions, Signal, parameter_signals
 from ancf_casadi.exceptions import InputError
-from ancf_casadi.export.co_simulation import BASE_COORDINATES, co_simulation_description, co_simulation_source
+from ancf_casadi.export.co_simulation import (
+    BASE_COORDINATES,
+    BASE_STATES,
+    co_simulation_description,
+    co_simulation_source,
+)
 from ancf_casadi.export.identification import Provenance
 from ancf_casadi.export.model_document import Document
 from ancf_casadi.reduction.reduced import ReducedFunctions
@@ -200,10 +205,7 @@ def _dae_builder(functions: MotionFunctions) -> cs.DaeBuilder:
         labels = [{"description": s.description, "unit": "" if s.unit == "1" else s.unit} for s in signals]
         return [dae.add(s.name, causality, variability, label) for s, label in zip(signals, labels, strict=True)]
 
-    base_state_signals, acceleration_signals = (
-        functions.base[: 2 * BASE_COORDINATES],
-        functions.base[2 * BASE_COORDINATES :],
-    )
+    base_state_signals, acceleration_signals = functions.base[:BASE_STATES], functions.base[BASE_STATES:]
     states, base_states = add(functions.states), add(base_state_signals)
     inputs, parameters = add(acceleration_signals, "input"), add(functions.parameters, "parameter", "tunable")
     outputs = add(functions.outputs, "output")
@@ -274,7 +276,7 @@ def complete_description(
 
 def _complete_variables(variables: ET.Element, functions: MotionFunctions) -> None:
     """Set all digits of the start values and the units of the derivatives; remove CasADi's auxiliary variables."""
-    differentiated = (*functions.states, *functions.base[: 2 * BASE_COORDINATES])
+    differentiated = (*functions.states, *functions.base[:BASE_STATES])
     signals = {s.name: s for s in (*functions.parameters, *functions.states, *functions.base, *functions.outputs)}
     derivative_units = {
         f"der({signal.name})": f"{signal.unit}{2 if signal.unit.endswith('/s') else '/s'}" for signal in differentiated

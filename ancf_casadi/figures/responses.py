@@ -42,11 +42,8 @@ def response_figure(curves: Mapping[str, ResponseCurve], point: float | None = N
         for axes, y in ((above, amplitude), (below, phase)):
             _draw(axes, x, y, stable, colour, label if axes is above else "")
         for bifurcation in curve.bifurcations:
-            marker, position = (
-                BIFURCATION_MARKERS[bifurcation.kind],
-                (x[bifurcation.index], amplitude[bifurcation.index]),
-            )
-            above.plot(*position, marker, color=colour, fillstyle="none", markersize=5)
+            k, marker = bifurcation.index, BIFURCATION_MARKERS[bifurcation.kind]
+            above.plot(x[k], amplitude[k], marker, color=colour, fillstyle="none", markersize=5)
             kinds.add(bifurcation.kind)
     above.set_ylabel("amplitude (mm)" if beam else "amplitude")
     below.set_ylabel("phase (degrees)")

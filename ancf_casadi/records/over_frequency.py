@@ -192,13 +192,11 @@ def _axis(contents: Recording, wanted: str | int | None) -> RecordedChannel:
     """Return the column of the frequencies."""
     if wanted is not None:
         return find_channel(contents.channels, wanted, "--frequency", contents.path)
-    named, all_columns = (
-        [channel for channel in contents.channels if is_frequency(channel)],
-        list_labels(contents.channels),
-    )
+    named = [channel for channel in contents.channels if is_frequency(channel)]
     if len(named) != 1:
         fault = f"may be column {' or '.join(c.label for c in named[:4])}" if named else "is in no column that says so"
-        raise InputError(f"the frequency {fault} (there are {all_columns}); choose with --frequency", contents.path)
+        columns = list_labels(contents.channels)
+        raise InputError(f"the frequency {fault} (there are {columns}); choose with --frequency", contents.path)
     return named[0]
 
 

@@ -61,9 +61,9 @@ def _split_shape(coordinates: Array, coarse: Model, fine: Model) -> tuple[Array,
     nodes = [*np.split(rows, coarse.size // NODE)[: coarse.root]]
     nodes += [np.vstack([coarse.interpolation(s), coarse.slope_interpolation(s)]) for s in fine.beam.node_points]
     chart = np.vstack(nodes)
-    new = np.ones(len(nodes), dtype=bool)
-    new[: coarse.root], new[coarse.root :: SplitBeam.parts] = False, False
-    places = np.flatnonzero(np.repeat(new, NODE))
+    is_new = np.ones(len(nodes), dtype=bool)
+    is_new[: coarse.root] = is_new[coarse.root :: SplitBeam.parts] = False
+    places = np.flatnonzero(np.repeat(is_new, NODE))
     e = chart @ coordinates
     for _ in range(12):
         stiffness = fine.tangent_stiffness(e, fine.properties).sparse().tocsc()

@@ -150,9 +150,8 @@ class CurveBlock(ResponseBlock):
 
     def finer(self) -> Self:
         """Return the block with one mode and two harmonics more."""
-        most_modes = self.model.freedoms
-        size = {"modes": min(self.modes + 1, most_modes), "harmonics": self.harmonics + 2}
-        return replace(self, **size, refinements=self.refinements + 1, before=self)  # type: ignore[arg-type]
+        modes, harmonics = min(self.modes + 1, self.model.freedoms), self.harmonics + 2
+        return replace(self, modes=modes, harmonics=harmonics, refinements=self.refinements + 1, before=self)
 
     def largest_bend(self, values: Mapping[str, float]) -> float:
         """Return the largest bend of an element in the motions of all points, rad."""
@@ -236,10 +235,10 @@ class CurveBlock(ResponseBlock):
     def of_model(self) -> tuple[str, ...]:
         """The properties in the constants of the reduced model."""
         terms, beam = self.law.laws if isinstance(self.law, SumOfLaws) else (self.law,), self.model.beam
-        free = not any(lumped_kind(name) in ELASTIC for name in beam.lumped)
-        free = free and all(isinstance(term, WITHOUT_MODULUS) for term in terms)
-        without = {*(MODULUS if free else ()), *(name for name in self.first if not property_value(beam, name))}
-        return tuple(name for name in self.first if name not in without)
+        scales_all_stiffness = not any(lumped_kind(name) in ELASTIC for name in beam.lumped)
+        scales_no_damping = all(isinstance(term, WITHOUT_MODULUS) for term in terms)
+        as_factor = MODULUS if scales_all_stiffness and scales_no_damping else ()
+        return tuple(name for name in self.first if name not in as_factor and property_value(beam, name))
 
     @cached_property
     def _places(self) -> dict[str, tuple[int, float]]:
@@ -288,18 +287,17 @@ def curve_block(
     harmonics: int,
 ) -> CurveBlock:
     """Return response curves as a block with first weights, which knows those of the unknowns that matter to it."""
-    weights, names_of_model = (
-        first_weights([record for _, record in numbered]),
-        {*first, *(parameter.name for parameter in law.parameters)},
-    )
-    block_names = tuple(
-        name for name in names if name in names_of_model or name.startswith(("frequency_", "excitation"))
-    )
-    most_modes = model.freedoms
+    of_beam = {*first, *(parameter.name for parameter in law.parameters)}
     return CurveBlock(
-        tuple(numbered), block_names, weights=weights, model=model, law=law, first=first, modes=min(modes, most_modes),
+        tuple(numbered),
+        tuple(name for name in names if name in of_beam or name.startswith(("frequency_", "excitation"))),
+        weights=first_weights([record for _, record in numbered]),
+        model=model,
+        law=law,
+        first=first,
+        modes=min(modes, model.freedoms),
         harmonics=harmonics,
-    )  # fmt: skip
+    )
 
 
 def _motion(driven: Driven, point: Measured, s: Array, last: PointMotion | None) -> PointMotion:

@@ -55,10 +55,8 @@ def seen_mode(record: ResponseRecord) -> SeenMode | None:
     target = np.append(t**2 - 1, zeros) * weights
     x, *_ = np.linalg.lstsq(rows / scale, target)
     residuals, inverse = target - rows / scale @ x, np.linalg.pinv(rows / scale)
-    x, covariance = (
-        x / scale,
-        inverse @ inverse.T / np.outer(scale, scale) * float(residuals @ residuals) / (len(residuals) - 5),
-    )
+    covariance = inverse @ inverse.T / np.outer(scale, scale) * float(residuals @ residuals) / (len(residuals) - 5)
+    x = x / scale
     c, C = float(x[2]), complex(x[3], x[4])
     across = np.array([-C.imag, C.real]) / max(abs(C), 1e-300)
     certain = abs(c) > SIGN_CERTAIN * math.sqrt(covariance[2, 2])

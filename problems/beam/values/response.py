@@ -87,7 +87,7 @@ def _read_at_rest(
     at = neighbouring_equilibrium(structure, equilibrium.exact)
     if at is None:
         at = stable_position(scaled_model(model, owners, factors), equilibrium.all_loads)
-    state = ModalState(structure, at, np.arange(0), np.zeros(0), np.zeros((model.size, 0)))
+    state = ModalState(structure, at, np.arange(0), np.zeros(0), np.zeros((model.size, 0)))  # without modes
     dq = coordinate_derivatives(state, directions)
     force, change = _base_forces(state, dq, directions)
     size = len(owners)

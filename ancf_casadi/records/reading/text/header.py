@@ -108,7 +108,8 @@ def _named_row(filled: Sequence[tuple[int, str]], names_row: int, table: TableHe
     cells = table.dialect.split(strip_comment(line) if is_comment(line) else line)
     while len(cells) > table.width and not cells[-1]:
         cells.pop()
-    cells += [""] * (table.width - len(cells)) * (table.dialect.delimiter != " ")
+    if table.dialect.delimiter != " ":
+        cells += [""] * (table.width - len(cells))
     if len(cells) != table.width:
         fault = f"has {plural(len(cells), 'name')} for {plural(table.width, 'column')}; name another with --names-row"
         raise InputError(fault, f"{path}, line {names_row}")

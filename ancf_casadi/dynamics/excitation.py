@@ -53,13 +53,13 @@ class Excitation:
     def function(self) -> cs.Function:
         """(t) -> the excitation, (16,)."""
         t = cs.MX.sym("t")
-        return _expanded(cs.Function("excitation", [t], [self._expression(t, cs.MX(cs.DM(self.parameters)))]))
+        return _expand(cs.Function("excitation", [t], [self._expression(t, cs.MX(cs.DM(self.parameters)))]))
 
     @cached_property
     def node(self) -> cs.Function:
         """(t) -> position and slope of the clamped node, (4,)."""
         t = cs.MX.sym("t")
-        return _expanded(cs.Function("node", [t], [self._expression(t, cs.MX(cs.DM(self.parameters)))[:NODE]]))
+        return _expand(cs.Function("node", [t], [self._expression(t, cs.MX(cs.DM(self.parameters)))[:NODE]]))
 
     @cached_property
     def clamp(self) -> cs.Function:
@@ -134,7 +134,7 @@ def clamped_node(model: Model, displacement: cs.MX, t: cs.MX) -> cs.MX:
     return with_rates(node, t)
 
 
-def _expanded(function: cs.Function) -> cs.Function:
+def _expand(function: cs.Function) -> cs.Function:
     """Return a Function in scalar operations, which are faster, if it has them: splines do not."""
     with contextlib.suppress(RuntimeError):
         return function.expand()

@@ -101,7 +101,7 @@ class SemiExplicit:
         """(x, z, excitation) -> e, e_t and e_tt."""
         return cs.Function("motion", self._symbols, [*self._motion], {"is_diff_in": [False] * 3})
 
-    def scaled(self, state: State) -> Array:
+    def unknowns_at(self, state: State) -> Array:
         """Return x of a state."""
         model = self.equations.model
         displacement = (state.coordinates - model.straight) / model.scale
@@ -204,7 +204,7 @@ def integrate_by_idas(
         except RuntimeError as error:
             raise InputError(_refusal(str(error)), "options") from None
 
-    x0 = form.scaled(start)
+    x0 = form.unknowns_at(start)
     for segment in segments:
         p = [segment.start, segment.length]
         constant, matrix = linear(0.0, x0, 0.0, p)

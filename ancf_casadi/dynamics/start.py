@@ -152,10 +152,10 @@ def _warn_of_uneven_stretch(model: Model, state: State) -> None:
     lengths, stiffness = np.repeat(beam.element_lengths / 2, 2), np.repeat(modulus * width * thickness, 2)
     strain = axial_strain(slopes, "engineering")
     places = np.array([s for index in range(beam.elements) for s in model.gauss_points(index)])
-    spans = np.searchsorted(np.sort([support.point for support in beam.supports]), places)
-    means = np.array([np.average(strain[spans == span], weights=lengths[spans == span]) for span in np.unique(spans)])
+    spans = np.searchsorted(np.sort([support.point for support in beam.supports]), places)  # number at each place
+    means = np.bincount(spans, lengths * strain) / np.maximum(np.bincount(spans, lengths), np.finfo(float).tiny)
     held_force = beam.mass * (math.hypot(*beam.gravity) + np.abs(state.velocities).max() ** 2 / beam.length)
-    deviation = np.abs(strain - means[np.unique(spans, return_inverse=True)[1]])
+    deviation = np.abs(strain - means[spans])
     uneven = np.maximum(deviation - held_force / stiffness - ROUNDED_STRAIN, 0.0)
     strain_energy = float(model.strain_energy(state.coordinates, model.properties))
     bending_energy = strain_energy - float(stiffness * lengths @ strain**2) / 2

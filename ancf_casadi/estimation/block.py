@@ -232,7 +232,7 @@ class Block(ABC):
         """Return the largest bend of an element of the beam, rad, for values by name; nan if unknown."""
         return math.nan
 
-    def computed(self, values: Mapping[str, float]) -> Array:
+    def residuals_at(self, values: Mapping[str, float]) -> Array:
         """Return the residuals (m,) for values of the unknowns by name."""
         residuals = self.residuals({name: cs.MX(value) for name, value in values.items()})
         with delayed_interrupts():

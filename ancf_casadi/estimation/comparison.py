@@ -108,15 +108,15 @@ class LawComparison(Reported, Generic[F]):
         if self.verdict.settled or second is None:
             return {}
         p, q = self.verdict.probabilities[[first, second]].tolist()
-        if_first, if_second = (self._expected(*pair) for pair in ((first, second), (second, first)))
+        if_first, if_second = (self._expectations(*pair) for pair in ((first, second), (second, first)))
         in_both = [name for name in if_first if name in if_second]
         return {name: (p * if_first[name].right + q * if_second[name].right) / (p + q) for name in in_both}
 
-    def _expected(self, truth: int, rival: int) -> dict[str, Expectation]:
+    def _expectations(self, truth: int, rival: int) -> dict[str, Expectation]:
         """Return what other records would show if one law is true, as far as both laws can be fitted to them."""
-        return self._repeated(truth, rival) | dict(self.other_records(truth, rival) if self.other_records else {})
+        return self._by_repetition(truth, rival) | dict(self.other_records(truth, rival) if self.other_records else {})
 
-    def _repeated(self, truth: int, rival: int) -> dict[str, Expectation]:
+    def _by_repetition(self, truth: int, rival: int) -> dict[str, Expectation]:
         """Return what several records like the fitted ones would show if one law is true."""
         fits, terms = [self.fits[k].fit for k in (truth, rival)], [self.terms[k] for k in (truth, rival)]
         change = fits[1].residuals - fits[0].residuals

@@ -210,7 +210,8 @@ def _squares(fit: Fit, residuals: Array, span: Array, unit: float) -> Array:
     nearer_ends = np.where(-near_ends[0] < near_ends[1], near_ends[0], near_ends[1])
     least_squares = np.full(len(residuals), math.inf)
     for at_bound in product((False, True), repeat=bounded):
-        at, free = np.array(at_bound, dtype=bool), ~np.array(at_bound, dtype=bool)
+        at = np.array(at_bound, dtype=bool)
+        free = ~at
         target = tail + T[:, at] @ nearer_ends[at]
         steps = -target @ np.linalg.pinv(T[:, free]).T
         inside = ((steps >= near_ends[0, free]) & (steps <= near_ends[1, free])).all(axis=1)

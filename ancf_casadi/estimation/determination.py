@@ -38,7 +38,7 @@ from ancf_casadi.support.arrays import Array
 LEAST_EXPONENT = 1e-3  # exponent below which an unknown is not in a combination
 
 
-def check_determined(residuals: Callable[..., cs.MX], unknowns: Sequence[Unknown], negligible: float) -> None:
+def check_determination(residuals: Callable[..., cs.MX], unknowns: Sequence[Unknown], negligible: float) -> None:
     """Refuse unknowns of which the residuals determine combinations only, at the guess and at a point beside it.
 
     A guess may be special: without motion nothing depends on the damping.  A change of the residuals counts as none if

@@ -41,7 +41,7 @@ import casadi as cs
 import numpy as np
 
 from ancf_casadi.estimation.block import MESH_REMAINDER, Block, Fitted
-from ancf_casadi.estimation.determination import check_determined
+from ancf_casadi.estimation.determination import check_determination
 from ancf_casadi.estimation.fit import CONFIDENCE_LEVEL, Fit
 from ancf_casadi.estimation.solver.gauss_newton import HUBER
 from ancf_casadi.estimation.solver.least_squares import least_squares, residual_function
@@ -129,7 +129,7 @@ class FitProblem:
         try:
             # fewer residuals are refused below, and so are those in closed form that rounding alone makes depend
             if check and not self.closed_form and sum(self.series) >= len(self.unknowns):
-                self._check_determined()
+                self._check_determination()
             return self._minimum(jacobian)
         except FitError as error:
             reasons = [block.failure for block in self.blocks if block.failure]
@@ -152,16 +152,16 @@ class FitProblem:
             advice=self.advice,
         )
 
-    def _check_determined(self) -> None:
+    def _check_determination(self) -> None:
         """Refuse unknowns of which the data determine combinations only."""
         negligible = self.scale * math.hypot(*(block.negligible for block in self.blocks))
         try:
-            check_determined(self.residuals, self.unknowns, negligible)
+            check_determination(self.residuals, self.unknowns, negligible)
         except FitError:
             accurate = replace(self, blocks=tuple(block.accurate for block in self.blocks))
             if accurate.blocks == self.blocks:
                 raise
-            accurate._check_determined()
+            accurate._check_determination()
 
     def has_same_optimum(self, other: FitProblem) -> bool:
         """Return whether the same unknowns are optimal under other weights: if they differ by a common factor alone."""
@@ -228,7 +228,7 @@ def _mesh_shifts(problem: FitProblem, fit: Fit) -> Array:
     finer = [block.split() for block in rough]
     if not any(finer):
         return np.zeros(len(fit.names))
-    coarse = [block.computed(fit.estimates) for block in rough]
+    coarse = [block.residuals_at(fit.estimates) for block in rough]
     noise = np.fmax(np.sum(fit.residuals**2), len(fit.residuals) * fit.noise.variance)
     values = fit.values
     for _ in range(MOST_MESH_STEPS):
@@ -236,7 +236,7 @@ def _mesh_shifts(problem: FitProblem, fit: Fit) -> Array:
         changed = fit.residuals + fit.jacobian @ (values - fit.values)
         for before, block, rows in zip(coarse, finer, problem.rows, strict=False):
             if block:
-                changed[rows] = fit.residuals[rows] + problem.scale * (block.computed(estimates) - before)
+                changed[rows] = fit.residuals[rows] + problem.scale * (block.residuals_at(estimates) - before)
         if not np.isfinite(changed).all():
             break
         change = changed - fit.residuals - fit.jacobian @ (values - fit.values)

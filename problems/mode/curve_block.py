@@ -49,7 +49,7 @@ class ModeCurveBlock(ResponseBlock):
         results = [
             closest_motions(curve, record, points, np.array([all_values[name] for name in (*self.law_names, constant)]))
             for curve, record, points, constant in zip(
-                self.curves, self.records, self.measured(values), self.constants, strict=True
+                self.curves, self.records, self.measured_points(values), self.constants, strict=True
             )
         ]
         self.last_derivatives[:] = [derivatives for _, derivatives in results]

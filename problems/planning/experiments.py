@@ -250,9 +250,9 @@ def _with_computed_values(block: Block, guesses: Mapping[str, float]) -> tuple[T
 def _steady_values(block: CurveBlock, guesses: Mapping[str, float]) -> Array:
     """Return amplitude, phase and level of the steady motions of a curve, on the branch that begins at rest, (m, 3)."""
     number, template = block.numbered[0]
-    driven = block.driven(guesses)[0]
+    driven = block.driven_beams(guesses)[0]
     unshifted = replace(template, values=template.a)  # the first point counts as the peak: no shift of the frequencies
-    response = small_response(driven, unshifted, float(template.f[0]), block.shared(guesses))
+    response = small_response(driven, unshifted, float(template.f[0]), block.system_unknowns(guesses))
     linear = response.amplitudes * template.a
     start = with_values(template, np.column_stack([LINEAR_SHARE * linear, np.zeros((len(linear), 2))]))
     free = replace(block, numbered=((number, start),), weights=first_weights([start]), looseness=FREE)

@@ -73,12 +73,13 @@ class CurveBlock(ResponseBlock):
         """The driven beams if no properties change; other weights share them."""
         before = self.before
         same = before and (before.modes, before.harmonics) == (self.modes, self.harmonics)
-        return list(before._constant) if same else self.driven({})
+        return list(before._constant) if same else self.driven_beams({})
 
     def motions(self, values: Mapping[str, float]) -> list[CurvePoints]:
         """Return the motions closest to the points of each record, for values of the unknowns by name."""
-        s, beams, by_record = self.shared(values), self.driven(values) if self.of_model else self._constant, []
-        for k, (record, points) in enumerate(zip(self.records, self.measured(values), strict=True)):
+        s, by_record = self.system_unknowns(values), []
+        beams = self.driven_beams(values) if self.of_model else self._constant
+        for k, (record, points) in enumerate(zip(self.records, self.measured_points(values), strict=True)):
             of_record: list[PointMotion] = []
             for j, point in enumerate(points.each()):
                 try:
@@ -94,7 +95,7 @@ class CurveBlock(ResponseBlock):
 
     def sensitivities(self, values: Mapping[str, float]) -> list[Array]:
         """Return the derivatives by the unknowns of amplitude, phase and excess of the level, (m, 3, n) each."""
-        s, neighbours = self.shared(values), []
+        s, neighbours = self.system_unknowns(values), []
         for name in self.of_model:
             step = DIFFERENCE * (self.first if lumped_kind(name) in SIGNED else values)[name]
             ends = [self.reduction({**values, name: values[name] + side * step}) for side in (1, -1)]
@@ -111,7 +112,7 @@ class CurveBlock(ResponseBlock):
         self, motions: Sequence[PointMotion], record: ResponseRecord, s: Array, neighbours: Sequence[Neighbours]
     ) -> Array:
         """Return the derivatives of amplitude, phase and level of m motions at the same amplitude, (m, 3, n)."""
-        directions, balance = self.shared_directions, motions[0].point.family.balance
+        directions, balance = self.system_directions, motions[0].point.family.balance
         states = [(motion.point.coefficients, motion.point.setting) for motion in motions]
         forces = np.array([balance.by_parameters(*state, directions) for state in states])
         polar = np.array([motion.reading[2] @ directions for motion in motions])
@@ -135,8 +136,8 @@ class CurveBlock(ResponseBlock):
     def orient(self, frequencies: Array) -> Self:
         """Return the block with the phases of its records as they should be; ``frequencies`` are those of the model."""
         numbered, notes = [], list[str]()
-        s = self.shared({})
-        for (number, record), system in zip(self.numbered, self.driven({}), strict=True):
+        s = self.system_unknowns({})
+        for (number, record), system in zip(self.numbered, self.driven_beams({}), strict=True):
             natural_frequency = float(frequencies[mode_at_peak(record, frequencies)])
             try:
                 computed = small_response(system, record, natural_frequency, s)
@@ -206,7 +207,7 @@ class CurveBlock(ResponseBlock):
             )
         return notes
 
-    def driven(self, values: Mapping[str, float]) -> list[Driven]:
+    def driven_beams(self, values: Mapping[str, float]) -> list[Driven]:
         """Return the driven beam of each record, for values of the unknowns by name."""
         reduced = self.reduction(values)
         kinds: dict[Any, Driven] = {}  # records that differ in size alone share their Functions
@@ -251,7 +252,7 @@ class CurveBlock(ResponseBlock):
         places = {name: (k, 1.0) for k, name in enumerate(names)}
         return places | {name: (len(names), 1 / self.first[name]) for name in moduli}
 
-    def shared(self, values: Mapping[str, float]) -> Array:
+    def system_unknowns(self, values: Mapping[str, float]) -> Array:
         """Return the unknowns s of the equation of motion (``driven``), for values by name."""
         s = np.array([*(parameter.value for parameter in self.law.parameters), *np.ones(self.modes + 1)])
         for name in self._places.keys() & values.keys():
@@ -260,7 +261,7 @@ class CurveBlock(ResponseBlock):
         return s
 
     @cached_property
-    def shared_directions(self) -> Array:
+    def system_directions(self) -> Array:
         """Derivatives of s by the unknowns of the fit, (s, n)."""
         directions = np.zeros((len(self.law.parameters) + self.modes + 1, len(self.names)))
         for k, name in enumerate(self.names):

@@ -127,7 +127,7 @@ class PointMotion:
     @cached_property
     def tangent(self) -> Array:
         """Derivatives of the unknowns z by the amplitude, (d + 1,)."""
-        return self._changed(np.zeros((len(self.point.z) - 1, 1)), np.ones(1))[:, 0]
+        return self._solve(np.zeros((len(self.point.z) - 1, 1)), np.ones(1))[:, 0]
 
     @cached_property
     def slopes(self) -> Array:
@@ -136,18 +136,18 @@ class PointMotion:
 
     def sensitivities(self, forces: Array, polar: Array) -> Array:
         """Return the derivatives of amplitude, phase and level by unknowns, at the same amplitude, (3, k)."""
-        change = self._changed(-forces, -polar[0])
+        change = self._solve(-forces, -polar[0])
         phase = polar[1] + self.reading[1][1] @ change
         return np.array([np.zeros(len(phase)), phase, change[-1] / self.driven.drive.amplitude])
 
-    def moved(self, along: float) -> PointMotion:
+    def advance(self, along: float) -> PointMotion:
         """Return the motion on the curve whose amplitude is larger by about a step; raise NotFound if there is none."""
         bordered = self.bordered
         return PointMotion(
             self.driven, point_at(bordered.family, bordered.z + along * self.tangent, bordered.row, bordered)
         )
 
-    def _changed(self, forces: Array, amplitudes: Array) -> Array:
+    def _solve(self, forces: Array, amplitudes: Array) -> Array:
         """Return the changes (d + 1, k) of z that change the balance (d, k) and the amplitude (k,)."""
         scale = self.point.family.scale
         along = amplitudes / np.linalg.norm(self.reading[1][0] * scale)
@@ -240,7 +240,7 @@ def _nearer(measured: Measured, motion: PointMotion, along: float) -> PointMotio
     distance = float(np.sum(measured.distance(motion.values) ** 2))
     for _ in range(12):  # halvings of a step along the curve
         try:
-            trial = motion.moved(along)
+            trial = motion.advance(along)
         except NotFound:
             trial = None
         # relative increase of a squared distance that counts as none

@@ -68,7 +68,7 @@ def first_weights(records: Sequence[ResponseRecord]) -> SeriesWeights:
         for row in range(1 if record.phases is None else 2):
             kinds.append((is_stated[row], record.sensor, record.control, is_stated, row))
             lengths.append(record.f.size)
-    groups = alike(kinds)
+    groups = alike(kinds)  # a kind begins with whether its standard deviations are stated
     return SeriesWeights(
         lengths=np.array(lengths),
         deviations=np.ones(len(lengths)),
@@ -135,7 +135,7 @@ class ResponseBlock(Block):
 
     def at(self, values: Mapping[str, float]) -> tuple[Array, Array]:
         """Return the residuals (m,), and their Jacobian (m, n) by the unknowns of the block, for values by name."""
-        motions, points = self.motions(values), self.measured(values)
+        motions, points = self.motions(values), self.measured_points(values)
         residuals, jacobians = [], []
         for record, (values_of_motions, by_parameter), point, change in zip(
             self.records, motions, points, self.sensitivities(values), strict=True
@@ -174,7 +174,7 @@ class ResponseBlock(Block):
             at_level = changes[:, k] + by_parameter[:, [k]] * along
             jacobian[k][:, places] = at_level * fit.coordinates.slopes(fit.values)[places]
         errors = np.nan_to_num([fit.errors_of(rows) for rows in jacobian])
-        (point,) = free.measured(values)
+        (point,) = free.measured_points(values)
         beyond = np.abs(motion_values[:, 2] / point.values[:, 2] - 1) > 1e-4  # relative, of levels that are the same
         notes = (
             f"{np.count_nonzero(beyond)} of {len(beyond)} points lie beyond a jump of the predicted curve, the first "
@@ -187,7 +187,7 @@ class ResponseBlock(Block):
         """Return the share of the response per level, root mean square, that the curves of each record leave."""
         shares, values = [], fitted.values
         for record, (motion_values, _), points in zip(
-            self.records, self.motions(values), self.measured(values), strict=True
+            self.records, self.motions(values), self.measured_points(values), strict=True
         ):
             computed, measured = (
                 amplitudes / levels * np.exp(1j * phases * points.has_phase)
@@ -201,7 +201,7 @@ class ResponseBlock(Block):
         """Return range and error of each record, and points without a stable motion."""
         lines, notes, records, values = [], list[str](), [], fitted.values
         for record, (motion_values, slopes), points in zip(
-            self.records, self.motions(values), self.measured(values), strict=True
+            self.records, self.motions(values), self.measured_points(values), strict=True
         ):
             if record.control == "response":
                 # the level that the measured amplitude needs, to first order
@@ -224,7 +224,7 @@ class ResponseBlock(Block):
         """Return the name of the factor on the levels of a record; None if it is known."""
         return next((name for name in (f"excitation_{number}", "excitation") if name in self.names), None)
 
-    def measured(self, values: Mapping[str, float]) -> list[Measured]:
+    def measured_points(self, values: Mapping[str, float]) -> list[Measured]:
         """Return the points of each record, with the levels that belong to values of the unknowns by name."""
         points = []
         factors = iter(self.weights.deviations.tolist())

@@ -218,7 +218,7 @@ class MotionBlock(Block):
         """Return the error of residuals, from a coarser run, or one at a smaller tolerance."""
         if self.expected is not None and small(self.expected):
             return self.expected
-        change = self._finer.computed(values) - residuals
+        change = self._finer.residuals_at(values) - residuals
         return np.asarray(change / (1.0 - _decrease(self, self._finer)))
 
     def doubt(self, error: Array) -> float:
@@ -248,7 +248,7 @@ class MotionBlock(Block):
 
     def largest_bend(self, values: Mapping[str, float]) -> float:
         """Return the largest bend of an element at the steps of the motions, rad."""
-        self.rough.computed(values)
+        self.rough.residuals_at(values)
         last_runs = [runs.last for runs, _ in self.rough._motions]
         return max(
             [largest_bend(self.model, _coordinates(self.model, run)) for run in last_runs if run], default=math.nan

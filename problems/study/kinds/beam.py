@@ -234,7 +234,7 @@ class Match(Step):
 def _mean_properties(beam: Beam, match: FrequencyMatch) -> Table:
     """Return mean and extremes along the beam of each property, beside the mean of the given beam."""
     rows = []
-    for name, unit, scale in _beam_rows(beam)[1:]:
+    for name, unit, scale in _beam_rows(beam)[1:]:  # without the length
         before, values = scale * float(np.mean(getattr(beam, name))), scale * np.array(getattr(match.beam, name))
         row = (before, float(values.mean()), float(values.min()), float(values.max()))
         rows.append((name.replace("_", " "), unit, *row))

@@ -16,7 +16,7 @@ def swept(model: Model, law, record: ResponseRecord, *, modes: int, harmonics: i
     """Return amplitude and phase at the points of a record (m, 2), on the branch that its sweep reaches."""
     first = {"elastic_modulus": 1.0} if "elastic_modulus" in values else {}  # values are factors
     block = curve_block(model, [(1, record)], law, tuple(first), first, modes=modes, harmonics=harmonics)
-    driven, s = block.driven({})[0], block.shared(values)
+    driven, s = block.driven_beams({})[0], block.system_unknowns(values)
     motion, found = None, []
     for f, level in zip(record.f, record.a, strict=True):
         wanted = [Measured(2 * math.pi * f, np.array([size, math.nan, level]), ONLY_LEVEL) for size in SIZES]

@@ -179,7 +179,7 @@ def test_the_shift_of_a_ringing_motion_is_not_understated_though_coarser_motions
     hanging, law, released = ringing
     solution = fit_beam(hanging, released, law, tolerance=1e-6).solution
     (fitted,), fit = solution.problem.blocks, solution.fit
-    residuals = replace(fitted, tolerance=1e-7, before=None).computed(fit.estimates)
+    residuals = replace(fitted, tolerance=1e-7, before=None).residuals_at(fit.estimates)
     moved = np.abs(fit.shifts(solution.problem.scale * residuals - fit.residuals))
     assert (moved > 0.03).all()
     assert (moved < np.abs(solution.shifts[0])).all() and np.abs(solution.shifts).max() < LARGEST_SHIFT

@@ -146,4 +146,4 @@ def test_the_closest_motion_is_that_with_the_smallest_distance(model, law, level
     found = closest(beam, point, s, motion_from_rest(beam, point, s))
     best = np.sum(point.distance(found.values) ** 2)
     for along in found.values[0] * np.array([-0.03, -0.01, -0.001, 0.001, 0.01, 0.03]):
-        assert np.sum(point.distance(found.moved(along).values) ** 2) > best
+        assert np.sum(point.distance(found.advance(along).values) ** 2) > best

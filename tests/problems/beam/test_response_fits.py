@@ -172,7 +172,7 @@ def test_the_response_may_be_held_instead_of_the_excitation(model, modes, curves
 def held(model, law, record):
     """Return amplitude, phase and level of the motions with the amplitudes of a record, (m, 3)."""
     block = curve_block(model, [(1, record)], law, (), {}, modes=3, harmonics=5)
-    beam, s = block.driven({})[0], block.shared({"frequency_1": FREQUENCY})
+    beam, s = block.driven_beams({})[0], block.system_unknowns({"frequency_1": FREQUENCY})
     deviations = np.array([1e-6, 1e6, 1e6])
     points = [Measured(2 * np.pi * f, np.array([0.03, np.nan, 1.0]), deviations) for f in record.f]
     return np.array([closest(beam, point, s, motion_from_rest(beam, point, s)).values for point in points])

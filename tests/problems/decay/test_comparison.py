@@ -13,7 +13,7 @@ from ancf_casadi.decay.closed_forms import friction_decay
 from ancf_casadi.decay.first_guess import first_guess
 from ancf_casadi.estimation.comparison import mixed_ends
 from ancf_casadi.estimation.criteria import Candidate, Expectation, expectation, judge
-from ancf_casadi.estimation.determination import check_determined
+from ancf_casadi.estimation.determination import check_determination
 from ancf_casadi.estimation.solver.least_squares import least_squares
 from ancf_casadi.estimation.solver.unknown import Unknown
 from ancf_casadi.exceptions import FitError, InputError
@@ -309,4 +309,4 @@ def test_what_records_do_not_determine_has_the_name_of_reports(frequency_law, un
     unknowns = [*model.mode_unknowns(guess), *model.release_unknowns(guess)]
     seen = [float(unknown.name != unseen) for unknown in unknowns]
     with pytest.raises(FitError, match=f"do not depend on {name}"):
-        check_determined(lambda *x: cs.vertcat(*x) * cs.DM(seen), unknowns, 1e-9)
+        check_determination(lambda *x: cs.vertcat(*x) * cs.DM(seen), unknowns, 1e-9)

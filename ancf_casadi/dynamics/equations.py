@@ -207,7 +207,7 @@ class Equations:
 
 
 @keep_last(8)
-def shared_equations(model: Model, law: DampingLaw, make: Make, place: PointLoad | None = TIP) -> Equations:
+def shared_equations(model: Model, law: DampingLaw, make: Make, place: PointLoad | None) -> Equations:
     """Return the equations of motion, those of an earlier call for an equal beam if there was one."""
     return Equations(model, law, make, place)
 

@@ -88,9 +88,7 @@ def _travelling_force(model: Model, load: cs.MX) -> cs.MX:
     return cs.vertcat(cs.MX(NODE * model.root, load.shape[1]), cs.reshape(cs.vertcat(*rows), NODE * count, -1))
 
 
-def equilibrium_under(
-    model: Model, load: Array, place: PointLoad | None = TIP, further: Sequence[LineLoad] = ()
-) -> Equilibrium:
+def equilibrium_under(model: Model, load: Array, place: PointLoad | None, further: Sequence[LineLoad]) -> Equilibrium:
     """Return the static equilibrium under gravity, a load (3 or 4,) and further ones."""
     force_x, force_y, moment, *travelled = load.tolist()
     place = PointLoad(point=travelled[0]) if place is None else place

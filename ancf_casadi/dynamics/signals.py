@@ -205,7 +205,7 @@ def base_signals() -> tuple[Signal, ...]:
     )
 
 
-def output_signals(markers: Sequence[float] = ()) -> tuple[Signal, ...]:
+def output_signals(markers: Sequence[float]) -> tuple[Signal, ...]:
     """Return the outputs of ``tip``, ``markers``, ``energies`` and ``clamp_force``, in this order."""
     points = [("tip", "the tip")]
     points += [(f"marker_{k}", f"the point at arc length {float(s):g} m") for k, s in enumerate(markers, start=1)]

@@ -21,9 +21,9 @@ from ancf_casadi.support.figures import COMPUTED, MEASURED, literal_text, si_pre
 PLOTS_PER_ROW = 4  # plots of estimates in a row
 
 
-def draw_autocorrelation(axes: Axes, residuals: Array, series: Sequence[int] = ()) -> None:
+def draw_autocorrelation(axes: Axes, residuals: Array) -> None:
     """Draw the autocorrelation of residuals; for white noise, 95 % of the lags are between the dotted lines."""
-    correlation = np.nan_to_num(autocorrelation(residuals, series)[:201])  # lags
+    correlation = np.nan_to_num(autocorrelation(residuals)[:201])  # lags
     axes.plot(np.arange(len(correlation)), correlation, lw=1, color=COMPUTED)
     for edge in (-1.96, 1.96):
         axes.axhline(edge / len(residuals) ** 0.5, ls=":", lw=0.8, color=MEASURED)

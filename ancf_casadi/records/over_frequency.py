@@ -22,7 +22,7 @@ import numpy as np
 
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.records.channel import RecordedChannel, Recording, find_channel, is_counter, is_frequency, list_labels
-from ancf_casadi.records.layout import NO_LAYOUT, TableLayout
+from ancf_casadi.records.layout import TableLayout
 from ancf_casadi.records.reading.formats import read_contents
 from ancf_casadi.records.units import known_unit, parse_unit
 from ancf_casadi.support.arrays import Array, ComplexArray
@@ -89,8 +89,8 @@ def read_spectral(
     source: str | Path | Recording,
     frequency: str | int | None,
     *,
-    layout: TableLayout = NO_LAYOUT,
-    progress: bool = False,
+    layout: TableLayout,
+    progress: bool,
 ) -> SpectralContents:
     """Read a file over frequency, with the role of each column; ``frequency`` names that of the frequencies."""
     check_instance(layout, "layout", TableLayout)
@@ -120,7 +120,7 @@ def read_spectral(
     )
 
 
-def extract_functions(contents: SpectralContents, phase_unit: str | None = None) -> list[SpectralFunction]:
+def extract_functions(contents: SpectralContents, phase_unit: str | None) -> list[SpectralFunction]:
     """Return the functions of a file: amplitudes with their phases, or real with imaginary parts."""
     stems: dict[tuple[str, ...], dict[str, RecordedChannel]] = {}
     for role, channel in contents.columns:

@@ -90,9 +90,9 @@ def read_recording(
 def with_times(
     recording: Recording,
     *,
-    time: str | int | None = None,
-    time_unit: str | None = None,
-    sample_rate: float | None = None,
+    time: str | int | None,
+    time_unit: str | None,
+    sample_rate: float | None,
 ) -> Recording:
     """Give the channels of a file their times, and remove the column of times; see ``read_recording``."""
     if time is None and sample_rate is None and any(channel.time is not None for channel in recording.channels):

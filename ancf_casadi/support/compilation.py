@@ -65,9 +65,9 @@ def expand_function(function: cs.Function) -> cs.Function:
     return function if calls > 1 else function.expand(function.name(), _differentiability(function))
 
 
-def compile_function(function: cs.Function, *, derivatives: bool = False) -> cs.Function:
+def compile_function(function: cs.Function) -> cs.Function:
     """Return a function as machine code, or for the virtual machine if it cannot be compiled, with one warning."""
-    return compile_together([function], derivatives=derivatives)[0]
+    return compile_together([function])[0]
 
 
 def compile_together(functions: Sequence[cs.Function], *, derivatives: bool = False) -> list[cs.Function]:
@@ -79,13 +79,13 @@ def compile_together(functions: Sequence[cs.Function], *, derivatives: bool = Fa
         _give_up(compiler, "no C compiler was found")
         return [expand_function(function) for function in functions]
     folder = _safe_folder()
-    wanted = [
+    requests = [
         (function, derivatives and any(function.is_diff_in(k) for k in range(function.n_in())))
         for function in functions
     ]
-    stems = [_stem(*each, compiler) for each in wanted]
+    stems = [_stem(*request, compiler) for request in requests]
     libraries = {stem: library for stem in stems if (library := _kept(folder, stem))}
-    sources = {stem: _source(*each) for stem, each in zip(stems, wanted, strict=True) if stem not in libraries}
+    sources = {stem: _source(*request) for stem, request in zip(stems, requests, strict=True) if stem not in libraries}
     if sources:
         libraries |= _built(sources, compiler, folder)
     return [_load(function, libraries.get(stem), compiler) for function, stem in zip(functions, stems, strict=True)]
@@ -93,8 +93,8 @@ def compile_together(functions: Sequence[cs.Function], *, derivatives: bool = Fa
 
 def _stem(function: cs.Function, derivatives: bool, compiler: Sequence[str]) -> str:
     """Return the name of the library of a function, up to the digest of its contents."""
-    what = (CACHE_FORMAT, cs.CasadiMeta.version(), *compiler, *COMPILER_FLAGS, platform.machine(), str(derivatives))
-    key = hashlib.sha256("\0".join((*what, function.serialize())).encode()).hexdigest()
+    contents = (CACHE_FORMAT, cs.CasadiMeta.version(), *compiler, *COMPILER_FLAGS, platform.machine(), str(derivatives))
+    key = hashlib.sha256("\0".join((*contents, function.serialize())).encode()).hexdigest()
     return f"{function.name()}-{key[:32]}"
 
 

@@ -27,7 +27,13 @@ from ancf_casadi import (
     static_equilibrium,
 )
 from ancf_casadi.support import compilation
-from ancf_casadi.support.compilation import c_compiler, cache_folder, compile_function, expand_function
+from ancf_casadi.support.compilation import (
+    c_compiler,
+    cache_folder,
+    compile_function,
+    compile_together,
+    expand_function,
+)
 
 needs_compiler = pytest.mark.skipif(not (shutil.which("cc") or shutil.which("gcc")), reason="no C compiler")
 X = np.array([0.3, -1.2, 2.0])
@@ -72,7 +78,7 @@ class TestWithACompiler:
     def test_a_function_and_its_derivatives_are_those_of_the_virtual_machine(self):
         function, seed = a_function(), np.array([1.0, -2.0, 0.5])
         slope = 3.0 * (np.diag(np.cos(X)) * X[0] + np.outer(np.sin(X), [1.0, 0.0, 0.0]))
-        for value in (compile_function(function, derivatives=True), expand_function(function)):
+        for value in (*compile_together([function], derivatives=True), expand_function(function)):
             assert is_right(value)
             assert value.forward(1)(X, 1.5, 0.0, seed, 0.0).full().ravel() == pytest.approx(slope @ seed, rel=1e-14)
             assert value.reverse(1)(X, 1.5, 0.0, seed)[0].full().ravel() == pytest.approx(slope.T @ seed, rel=1e-14)
@@ -95,7 +101,7 @@ class TestWithACompiler:
         """A fit takes the passes that a simulation has compiled."""
         x = cs.MX.sym("x")
         for derivatives in (False, True):
-            compile_function(cs.Function("square", [x], [x**2], {"is_diff_in": [False]}), derivatives=derivatives)
+            compile_together([cs.Function("square", [x], [x**2], {"is_diff_in": [False]})], derivatives=derivatives)
         assert len(list(cache.glob("square-*.so"))) == 1
 
     def test_the_compiler_may_be_named_with_options(self, cache, monkeypatch):

@@ -55,9 +55,7 @@ COORDINATE = re.compile(r"(.*[^\s_.])[ _.]+[xyz](?:[ _(\[].*)?", re.IGNORECASE |
 Head = tuple[str, str, Unit | None]  # name of a column, its unit as written, and the meaning of the unit
 
 
-def read_heading(
-    above: Sequence[tuple[int, str]], table: TableHead, path: str, names_row: int | None = None
-) -> list[Head]:
+def read_heading(above: Sequence[tuple[int, str]], table: TableHead, path: str, names_row: int | None) -> list[Head]:
     """Return names and units from the numbered lines above a table; other rows of numbers raise an ``InputError``.
 
     If ``names_row`` is not None, this line holds the names.

@@ -275,7 +275,7 @@ def block_length(fit: Fit) -> int:
     return max(1, min(shortest // 2, round(best)))
 
 
-def drawn(size: int, block: int, rng: np.random.Generator) -> Index:
+def draw_blocks(size: int, block: int, rng: np.random.Generator) -> Index:
     """Return the positions (size,) of residuals drawn in blocks from a series that continues at its beginning."""
     starts = rng.integers(size, size=-(-size // block))
     return np.asarray((starts[:, None] + np.arange(block)).ravel()[:size] % size)
@@ -294,18 +294,12 @@ def _noise(fit: FitResult, rng: np.random.Generator, method: Method, block: int)
     """Return noise of each residual (m,); residuals of a fit with known standard deviations are in units of these."""
     if not isinstance(fit, LeastSquaresResult):
         return rng.standard_normal(fit.residual_count)
-    least_squares_fit, m = fit.fit, fit.residual_count
+    noise, residuals, freedom, m = fit.fit.noise, fit.fit.residuals, fit.fit.degrees_of_freedom, fit.residual_count
     if method == "parametric":
-        variance = least_squares_fit.noise.variance
-        if math.isfinite(least_squares_fit.noise.freedom):
-            variance = max(
-                variance,
-                float(least_squares_fit.residuals @ least_squares_fit.residuals) / least_squares_fit.degrees_of_freedom,
-            )
+        variance = noise.variance
+        if math.isfinite(noise.freedom):
+            variance = max(variance, float(residuals @ residuals) / freedom)
         return math.sqrt(variance) * rng.standard_normal(m)
-    centred = [
-        series - series.mean()
-        for series in np.split(least_squares_fit.residuals, np.cumsum(least_squares_fit.series)[:-1])
-    ]
-    resampled = [series[drawn(len(series), block, rng)] for series in centred]
-    return np.asarray(math.sqrt(m / least_squares_fit.degrees_of_freedom) * np.concatenate(resampled))
+    centred = [series - series.mean() for series in np.split(residuals, np.cumsum(fit.fit.series)[:-1])]
+    resampled = [series[draw_blocks(len(series), block, rng)] for series in centred]
+    return np.asarray(math.sqrt(m / freedom) * np.concatenate(resampled))

@@ -161,8 +161,8 @@ def _function(columns: Mapping[str, RecordedChannel], phase_unit: str | None, pa
     channel, amplitudes = columns["amplitude"], sine_amplitudes(columns["amplitude"])
     if channel.symbol.casefold().startswith("db") or "db" in _words(channel.name):
         amplitudes = 10.0 ** (amplitudes / 20.0)
-        reference = channel.symbol.casefold().partition(" re ")[0]
-        symbol = channel.symbol[len(reference) + 4 :].removeprefix("1 ").strip()
+        _, *reference = re.split(" re ", channel.symbol, maxsplit=1, flags=re.IGNORECASE)  # such as dB re 1 m/N
+        symbol = "".join(reference).removeprefix("1 ").strip()
         channel = replace(channel, symbol=symbol, unit=parse_unit(symbol))
     if "phase" not in columns:
         return SpectralFunction(channel, amplitudes, coherence)

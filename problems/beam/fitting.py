@@ -227,10 +227,8 @@ def beam_problem(
     if unknowns is None and "stiffness" in {shape.kind for shape in model.beam.shapes}:
         wanted = tuple("bending_stiffness" if name == "elastic_modulus" else name for name in wanted)
     all_records: Sequence[Any] = (*motions, *curves, *values)
-    configurations = {
-        id(configuration): configuration
-        for configuration in (model, *(record.model or model for record in all_records))
-    }  # of all configurations
+    models_of_records = [model, *(record.model or model for record in all_records)]
+    configurations = {id(configuration): configuration for configuration in models_of_records}
     clamped = with_clamp(list(configurations.values())) if CLAMP_STIFFNESS in wanted else configurations.values()
     models = dict(zip(configurations, clamped, strict=True))
     first = first_values(list(models.values()), [name for name in wanted if is_property(name)])
@@ -247,23 +245,22 @@ def beam_problem(
         raise InputError("nothing is to be estimated; name properties, or free a parameter of the law", "unknowns")
     bounded = tuple(with_bounds_and_priors(listed, bounds or {}, priors or {}))
     blocks: list[Block] = []
+    load = tuple(name.removeprefix("start_") for name in LOADS if name in wanted)
     for configuration, numbered in _by_configuration(motions, model, models, apart):
-        load = tuple(name.removeprefix("start_") for name in LOADS if name in wanted)
         coarse = max(coarse_tolerance([record for _, record in numbered], configuration.beam.length), tolerance or 0.0)
         settings: Any = {"load": load, "tolerance": coarse, "wanted": tolerance, "robust": robust}
         blocks.append(motion_block(configuration, numbered, law, first, **settings))
     for configuration, numbered in _by_configuration(curves, model, models, apart):
-        # modes of the reduced model above the highest that a response curve is about
-        enough = max(mode_at_peak(record, frequencies) for record in curves) + 1 + 2
-        count = enough if modes is None else whole(modes, "modes", 1, configuration.freedoms)
-        number, names = whole(harmonics, "harmonics", 1), [unknown.name for unknown in bounded]
-        block = curve_block(configuration, numbered, law, names, first, modes=count, harmonics=number)
+        highest = 1 + max(mode_at_peak(record, frequencies) for record in curves)
+        mode_count = highest + 2 if modes is None else whole(modes, "modes", 1, configuration.freedoms)
+        names, harmonics = [unknown.name for unknown in bounded], whole(harmonics, "harmonics", 1)
+        block = curve_block(configuration, numbered, law, names, first, modes=mode_count, harmonics=harmonics)
         blocks.append(block if apart else block.orient(frequencies))
-    shared, numbers = Counter(record.name for record in values), Counter[str]()
+    totals, counts = Counter(record.name for record in values), Counter[str]()
     for record in values:
-        numbers[record.name] += 1
-        repeated = str(numbers[record.name]) if shared[record.name] > 1 else ""
-        blocks.append(ValueBlock(record.with_model(models[id(record.model)]), first, repeated))
+        counts[record.name] += 1
+        number = str(counts[record.name]) if totals[record.name] > 1 else ""  # among the records of this name
+        blocks.append(ValueBlock(record.with_model(models[id(record.model)]), first, number))
     return FitProblem(tuple(blocks), bounded, robust), models[id(model)], first
 
 

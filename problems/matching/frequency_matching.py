@@ -161,7 +161,7 @@ def match_frequencies(
     if prior_properties and not (measured.frequency_std and objective == "least-squares"):
         raise InputError("need frequency_std of the targets, and the objective least-squares, to be weighed", "priors")
     matching = Matching(space, measured, preference or LeastChange(), objective, prior_properties)
-    _ = matching.standard
+    _ = matching.standard  # the modes of the given beam, as part of building the problem
     build_seconds = time.perf_counter() - start_time
 
     generator = np.random.default_rng(seed)

@@ -36,7 +36,7 @@ import ancf_casadi
 import problems
 from ancf_casadi.support.figures import Figure
 from ancf_casadi.support.files import write_file
-from problems.study.drawing import FORMATS, Drawing, drawn
+from problems.study.drawing import FORMATS, Drawing, render
 
 SUFFIX = ".msgpack"
 DIGEST_BYTES = hashlib.sha256().digest_size
@@ -178,7 +178,7 @@ class Compute:
 def _drawing(
     caption: str, function: Callable[..., Figure], arguments: Sequence[Any], formats: tuple[str, ...]
 ) -> Drawing:
-    return drawn(caption, partial(function, *arguments), formats)
+    return render(caption, partial(function, *arguments), formats)
 
 
 def wait_for(futures: Iterable[Future[Any]]) -> None:

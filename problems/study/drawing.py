@@ -47,7 +47,7 @@ class Drawing:
     name: str = ""  # label
 
 
-def drawn(caption: str, draw: Callable[[], Figure], formats: Sequence[str] = FORMATS) -> Drawing:
+def render(caption: str, draw: Callable[[], Figure], formats: Sequence[str] = FORMATS) -> Drawing:
     """Draw a figure in the style of the documents, identical for identical data; each format takes a tenth of a second.
 
     Without a format nothing is drawn.

@@ -29,7 +29,7 @@ from ancf_casadi.support.tables import Cell, Reported, Table
 from problems.spec.beam import read_beam
 from problems.spec.file import NO_FILE, StudyFile
 from problems.study.compute import Compute
-from problems.study.drawing import Drawing, drawn
+from problems.study.drawing import Drawing, render
 
 Terms = tuple[dict[str, Any], ...]  # tables [[damping]], the terms of one law
 Printed = Mapping[str, Sequence[float | None]]  # printed numbers by column
@@ -66,7 +66,7 @@ class Finding:
         fields: dict[str, Any] = {
             "data": result.to_dict(),
             "tables": result.tables(),
-            "figures": (drawn(caption, draw or result.figure, formats),),
+            "figures": (render(caption, draw or result.figure, formats),),
             "warnings": tuple(getattr(result, "warnings", ())),
             "text": result.report(),
         }

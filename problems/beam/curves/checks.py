@@ -124,7 +124,7 @@ def level_notes(records: Sequence[ResponseRecord], factors: Sequence[ComplexArra
         (record, mode.size / float(np.median(np.abs(factor)))) for record, mode, factor in pairs if mode is not None
     ]
     notes = []
-    for unit in {record.excitation_unit for record, _ in sizes}:
+    for unit in dict.fromkeys(record.excitation_unit for record, _ in sizes):
         of_unit = [(record, size) for record, size in sizes if record.excitation_unit == unit]
         middle = sorted(size for _, size in of_unit)[len(of_unit) // 2]
         for record, size in of_unit:

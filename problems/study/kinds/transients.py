@@ -95,10 +95,8 @@ def transients_finding(
         for k, (run, results_of_run) in enumerate(zip(runs, results, strict=True))
         for law, result in zip(run.laws, results_of_run, strict=True)
     ]
-    data: dict[str, Any] = {"experiment": [finite_or_none(run.measured_ratio) for run in runs]}
-    if data["experiment"].count(None) == len(runs):
-        del data["experiment"]
-    laws = _laws(runs)
+    laws, measured = _laws(runs), [finite_or_none(run.measured_ratio) for run in runs]
+    data: dict[str, Any] = {"experiment": measured} if measured.count(None) < len(runs) else {}
     for name in laws:
         ratios = {k: numbers["damping_ratio"] for k, law, numbers in rows if law.name == name}
         data[name] = [ratios.get(k) for k in range(len(runs))]
@@ -113,9 +111,9 @@ def transients_finding(
         modes = [run.mode for run in runs]
         overview = ("Damping ratio of each mode under each law.", _overview, modes, data, titles, printed, printed_by)
         drawings.append(overview)
-    beside = [printed[law.name][k] if law.name in printed else None for k, law, _ in in_order]
+    printed_ratios = [printed[law.name][k] if law.name in printed else None for k, law, _ in in_order]
     finding = Finding(data, (_ratios(runs, in_order), _amplitudes(in_order)), compute.drawings(*drawings))
-    return finding.beside_print({"simulated, %": beside if any(value is not None for value in beside) else None})
+    return finding.beside_print({"simulated, %": printed_ratios if printed_ratios.count(None) < len(rows) else None})
 
 
 def _ratios(runs: Sequence[RequestedRun], rows: Sequence[Row]) -> Table:

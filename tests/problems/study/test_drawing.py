@@ -2,7 +2,7 @@
 
 import pytest
 
-from problems.study.drawing import drawn, new_figure
+from problems.study.drawing import new_figure, render
 
 
 @pytest.mark.parametrize("formats", [("svg", "png"), ("svg",), ()])
@@ -14,7 +14,7 @@ def test_a_figure_is_drawn_in_the_wanted_formats_alone(formats):
         calls.append(1)
         return new_figure(1.0)[0]
 
-    drawing = drawn("caption", draw, formats)
+    drawing = render("caption", draw, formats)
     assert (drawing.caption, len(calls)) == ("caption", bool(formats))
     assert drawing.svg.startswith("<?xml") == ("svg" in formats)
     assert drawing.png.startswith(b"\x89PNG") == ("png" in formats)

@@ -103,9 +103,6 @@ def _default(value: Any) -> dict[str, Any]:
 
 def _describe(hint: Any, definitions: dict[str, Any]) -> dict[str, Any]:
     """Return the schema of a type, and add the definitions to which it refers."""
-    try:
-        (schema,), components = msgspec.json.schema_components([hint], ref_template="#/$defs/{name}")
-    except TypeError:  # a law by its name, which a study looks up
-        return {}
+    (schema,), components = msgspec.json.schema_components([hint], ref_template="#/$defs/{name}")
     definitions |= components
     return schema

@@ -240,7 +240,7 @@ def _fit_held(fit: Fit, k: int, at: float, start_values: Array) -> tuple[Array, 
 def _fit_without(fit: Fit, k: int, values: Array, residuals: Array, jacobian: Array, active: Mask) -> Fit:
     """Return the fit of all unknowns but one, with the noise of the fit of all."""
     active, w = np.delete(active, k), influence(residuals, fit.huber)[1]
-    others = replace(
+    remaining_fit = replace(
         fit,
         unknowns=tuple(unknown for i, unknown in enumerate(fit.unknowns) if i != k),
         values=np.delete(values, k),
@@ -249,8 +249,8 @@ def _fit_without(fit: Fit, k: int, values: Array, residuals: Array, jacobian: Ar
         residuals=residuals,
         jacobian=np.delete(jacobian, k, axis=1),
     )
-    basis, triangle = others.free_basis
-    root = others.scale[~active, None] * np.linalg.inv(triangle)
+    basis, triangle = remaining_fit.free_basis
+    root = remaining_fit.scale[~active, None] * np.linalg.inv(triangle)
     spread = fit.noise.form(basis) / w**2 + len(residuals) * fit.systematic**2 * np.eye(len(root))
-    others.covariance[np.ix_(~active, ~active)] = root @ spread @ root.T
-    return others
+    remaining_fit.covariance[np.ix_(~active, ~active)] = root @ spread @ root.T
+    return remaining_fit

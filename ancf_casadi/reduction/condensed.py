@@ -122,7 +122,7 @@ def _quadratic_forms(modes: Modes, pairs: Index, modal_derivatives: Array) -> tu
         W[1 + i, 1 + m :] = W[1 + m :, 1 + i] = multiplicity * [by(d3, i, *pair) for pair in pairs.tolist()] / 6
     for k, pair in enumerate(pairs.tolist()):
         W[1 + m + k, 1 + m :] = (
-            multiplicity[k] * multiplicity * [by(d4, *pair, *other) for other in pairs.tolist()] / 12
+            multiplicity[k] * multiplicity * [by(d4, *pair, *second_pair) for second_pair in pairs.tolist()] / 12
         )
     linear_strains = [by(first, i) for i in range(m)]
     quadratic_strains = [

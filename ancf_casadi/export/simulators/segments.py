@@ -115,7 +115,7 @@ def divide_beam(beam: Beam, count: int) -> SegmentedBeam:
     masses: Array = np.bincount(owners, mass).astype(np.float64)
     centres = np.bincount(owners, mass * middles) / masses
     thicknesses, sections = np.array(beam.thickness), beam.sections
-    of_sections: Array = np.bincount(owners, beam.rotary_sections * mass * thicknesses[elements] ** 2 / 12)
+    of_sections = np.bincount(owners, beam.rotary_sections * mass * thicknesses[elements] ** 2 / 12).astype(np.float64)
     inertias: Array = np.bincount(owners, mass * (pieces**2 / 12 + (middles - centres[owners]) ** 2)).astype(np.float64)
     point_masses = []
     for attachment in beam.attachments:

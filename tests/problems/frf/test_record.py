@@ -3,6 +3,7 @@ import pytest
 
 from ancf_casadi import InputError, RayleighDamping, linear_frf
 from problems import FrfRecord
+from problems.frf.selection import _interpolate_lines
 
 F = np.linspace(1.0, 3.0, 201)
 ONE = 1.0 / (2.0**2 - F**2 + 0.04j * F)
@@ -73,3 +74,12 @@ def test_repetitions_that_differ_in_kind_or_not_at_all_are_refused():
         FrfRecord.mean_of([record, record])
     with pytest.raises(InputError, match="band: has fewer than 8"):
         record.between(1.0, 1.01)
+
+
+def test_the_whole_band_of_very_uneven_lines_is_searched_for_poles():
+    """More than 20 lines of the usual spacing per measured line would be needed: they are wider instead."""
+    f = np.concatenate([np.linspace(1.0, 1.1, 50), np.linspace(2.0, 500.0, 20)])
+    even, rows = _interpolate_lines(f, np.array([f + 1j * f**2]))
+    assert (even[0], even[-1]) == (1.0, 500.0)
+    assert len(even) <= 20 * len(f) + 1
+    np.testing.assert_allclose(rows[0], even + 1j * np.interp(even, f, f**2))

@@ -50,7 +50,7 @@ from ancf_casadi.exceptions import AncfError, FitError
 from ancf_casadi.support.arrays import Array, Mask
 
 LARGEST_SHIFT = 0.1  # typical shift of an estimate by the error of the discretisation, beyond which it is refined
-KEPT_TURN = LARGEST_SHIFT / 3  # typical shift by the change of the Jacobian, below which finer blocks keep this one
+KEPT_TURN = LARGEST_SHIFT / 5  # typical shift by the change of the Jacobian, below which finer blocks keep this one
 DOUBTS = 2.0  # shift of unknown direction that a fit states, over its root mean square
 MOST_REFINEMENTS = 6  # of a block
 MOST_REWEIGHTINGS = 5  # of a block whose weights need to settle

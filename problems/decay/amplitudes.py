@@ -142,6 +142,15 @@ class AmplitudeFit(BlocksResult):
         The block of amplitudes with its weights.
     frequency : float or None
         Natural frequency, Hz, which was given; None if it is unknown.
+
+    Examples
+    --------
+    >>> from problems import fit_decay
+    >>> seconds = [0.0, 2.0, 4.0, 6.0, 8.0, 10.0, 12.0]
+    >>> amplitudes = [0.0300, 0.0221, 0.0174, 0.0139, 0.0116, 0.0096, 0.0082]
+    >>> fit = fit_decay(seconds, amplitudes, quantity="amplitude", law="quadratic", frequency=1.9)
+    >>> print(f"eta2 = {fit.estimates['eta2']:.2f} +- {fit.standard_errors['eta2']:.2f} 1/m")
+    eta2 = 0.79 +- 0.04 1/m
     """
 
     kind = "amplitudes of a decay"

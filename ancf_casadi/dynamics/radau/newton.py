@@ -33,7 +33,8 @@ NEWTON_RATIO = 0.001  # relative to the tolerance of the step; with a larger one
 ERROR_ORDER = 4  # of the error estimate in the step length
 NEWTON_ITERATIONS = 10  # k_max
 STEADY = 1e-3  # contraction of Newton's method below which matrices may be kept
-STALE = 1.5  # ratio of this contraction to that with new matrices below which they may be kept
+STALE = 1.5  # ratio of the contraction to that with new matrices below which they may be kept, too,
+SLOW = 1e-2  # unless the contraction is above this (test_after_the_spin_up_of_simo_and_vu_quoc_...)
 KEEP = (0.85, 1.25)  # factors of the length in this range are not applied, so that the matrices can be kept
 SAFETY = 0.9
 GROWTH = (0.2, 5.0)  # smallest and largest factor of the length
@@ -142,7 +143,7 @@ class StepControl(NamedTuple):
             growth = min(growth, max(SAFETY * trend, GROWTH[0]), self.largest_growth)
         growth = min(growth, largest_step / h)
         with_new = self.contraction if self.keeps_matrices(h) else contraction
-        keep = contraction <= max(STEADY, STALE * with_new) and KEEP[0] <= growth < KEEP[1]
+        keep = contraction <= max(STEADY, min(STALE * with_new, SLOW)) and KEEP[0] <= growth < KEEP[1]
         return StepControl(
             proposal=h if keep else h * growth,
             keep=keep,

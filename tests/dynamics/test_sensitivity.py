@@ -136,14 +136,15 @@ def test_a_motion_stands_in_an_expression_and_its_gradient_finds_the_damping_it_
 @pytest.mark.slow
 def test_the_derivative_by_an_amplitude_that_grows_is_that_of_differences(model):
     base, amplitude = replace(BASE, ramp=0.3), cs.MX.sym("amplitude")
-    tip = motion(model, base=base, **SETTINGS)(np.zeros(0), amplitude, model.properties)[-4, :]
+    settings = {**SETTINGS, "tolerance": 1e-10}  # from one amplitude to the next, steps differ
+    tip = motion(model, base=base, **settings)(np.zeros(0), amplitude, model.properties)[-4, :]
     exact = cs.Function("exact", [amplitude], [tip, cs.jacobian(tip, amplitude)])
     above, (_, slopes), below = (
         [part.full().ravel() for part in exact(BASE.amplitude * factor)] for factor in (1.001, 1.0, 0.999)
     )
     differences = (above[0] - below[0]) / (2e-3 * BASE.amplitude)
     assert abs(slopes).max() > 0.1
-    np.testing.assert_allclose(slopes, differences, atol=1e-4 * abs(slopes).max())
+    np.testing.assert_allclose(slopes, differences, atol=1e-5 * abs(slopes).max())
 
 
 def test_values_without_a_motion_give_nan_and_a_warning(model):

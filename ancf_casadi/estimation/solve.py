@@ -358,12 +358,11 @@ def _turn(fit: Fit, coarser: Array) -> Array:
     orthogonal to J: a part J A of D shifts nothing.
     """
     free = ~fit.active_bounds
-    jacobian, change = (columns[:, free] * fit.scale[free] for columns in (fit.jacobian, fit.jacobian - coarser))
-    basis = np.linalg.qr(jacobian)[0]
-    inverse = np.linalg.inv(jacobian.T @ jacobian)
+    change = (fit.jacobian - coarser)[:, free] * fit.scale[free]
+    basis, triangle = fit.free_basis
+    normal, inverse = change - basis @ (basis.T @ change), np.linalg.inv(triangle.T @ triangle)
     sizes = np.zeros(len(fit.names))
-    turned = (change - basis @ (basis.T @ change)) @ inverse
-    sizes[free] = np.linalg.norm(turned, axis=0) / np.sqrt(np.diag(inverse))
+    sizes[free] = np.linalg.norm(normal @ inverse, axis=0) / np.sqrt(np.diag(inverse))
     return sizes
 
 

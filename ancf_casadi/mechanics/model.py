@@ -114,9 +114,8 @@ class Model(Nodes):
     @cached_property
     def element(self) -> Element:
         """The Functions of one beam element."""
-        beam = self.beam
-        initial = {"curved": bool(beam.natural_curvature), "prestressed": bool(beam.prestress)}
-        return element(self.measures, **initial, rotary=beam.rotary_sections)
+        curved, prestressed = bool(self.beam.natural_curvature), bool(self.beam.prestress)
+        return element(self.measures, curved=curved, prestressed=prestressed, rotary=self.beam.rotary_sections)
 
     @cached_property
     def groups(self) -> tuple[Group, ...]:
@@ -351,13 +350,13 @@ def check_sections(beam: Beam, name: str, elements: slice = slice(None)) -> None
     kinds = {shape.kind for shape in beam.shapes[elements]}
     kind = name.partition("[")[0]
     if kind == "diameter" and kinds != {"round"}:
-        other = "bending_stiffness" if "stiffness" in kinds else "width or thickness"
-        raise InputError(f"only circles and tubes have one; estimate {other}", name)
+        instead = "bending_stiffness" if "stiffness" in kinds else "width or thickness"
+        raise InputError(f"only circles and tubes have one; estimate {instead}", name)
     if "round" in kinds and kind in ("width", "thickness"):
         raise InputError("changes with the diameter of a circle or a tube; estimate its diameter", name)
     if "stiffness" in kinds and kind in PROPERTIES:
-        other = "mass_per_length" if kind == "density" else "bending_stiffness"
-        raise InputError(f"is not a property of a section of given stiffness; estimate its {other}", name)
+        instead = "mass_per_length" if kind == "density" else "bending_stiffness"
+        raise InputError(f"is not a property of a section of given stiffness; estimate its {instead}", name)
 
 
 def _sparse_sum(values: cs.MX, entry_indices: Index, rows: Index, columns: Index, size: int, factors: Array) -> cs.MX:

@@ -177,13 +177,11 @@ def quality_warnings(time: Array, values: Array) -> list[str]:
 
 def has_flat_top(values: Array) -> bool:
     """Return whether a stretch of a record is clipped at its highest value, even in one swing."""
-    levels, distances = np.unique(values), values.max() - values
+    levels = np.unique(values)
     if len(levels) < MIN_LEVELS:
         return False
-    band = max(0.01 * float(distances.max()), 3.0 * float(np.diff(levels[-MIN_LEVELS:]).min()))
-    is_top = distances == 0.0
-    below = int(np.count_nonzero(~is_top & (distances <= band)))
-    return bool(_runs(is_top).max() >= FLAT and np.count_nonzero(is_top) >= CLIPPED_RATIO * max(1, below))
+    band = max(0.01 * float(np.ptp(values)), 3.0 * float(np.diff(levels[-MIN_LEVELS:]).min()))
+    return _flatness(values, band) >= CLIPPED_RATIO
 
 
 def _clipping_warning(values: Array) -> str:
@@ -208,19 +206,23 @@ def _flat_swings(values: Array) -> tuple[float, int]:
     if len(levels) < MIN_LEVELS:
         return top, 0
     band = max(0.01 * span, 3.0 * float(np.diff(levels).min()))
-    # samples at the peak of each swing per sample in the band below it; 0 if the peak is not flat
     ratios_at_top, ratios_of_lower = list[float](), list[float]()
     for swing in _swings(values > top - span / 2, values):
         peak = swing.max()
         if peak > top - span / 4:
-            at_peak = swing == peak
-            ratio = float(at_peak.sum() / max(1, (~at_peak & (swing >= peak - band)).sum()))
-            ratios = ratios_at_top if peak == top else ratios_of_lower
-            ratios.append(ratio if _runs(at_peak).max() >= FLAT else 0.0)
+            (ratios_at_top if peak == top else ratios_of_lower).append(_flatness(swing, band))
     count = int(np.count_nonzero(ratios_at_top))
     lower_are_flat = bool(ratios_of_lower) and np.median(ratios_of_lower) >= CLIPPED_RATIO
     is_clipped = count >= FLAT_SWINGS and np.median(ratios_at_top) >= CLIPPED_RATIO and not lower_are_flat
     return top, count if is_clipped else 0
+
+
+def _flatness(values: Array, band: float) -> float:
+    """Return the samples at the highest value per sample in a band below it; 0 if it is not flat."""
+    top = values.max()
+    at_top = values == top
+    below = ~at_top & (values >= top - band)
+    return float(at_top.sum() / max(1, below.sum())) if _runs(at_top).max() >= FLAT else 0.0
 
 
 def _swings(above: NDArray[np.bool_], values: Array) -> list[Array]:

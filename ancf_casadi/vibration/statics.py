@@ -106,7 +106,7 @@ def static_equilibrium(
     straight = Equilibrium(model, model.straight, force, moment, loads=other_loads)
     position = stable_position(model, straight.all_loads, side)
     warn_of_overbent_elements(model, position.coordinates)
-    return replace(straight, coordinates=position.coordinates, remainder=position.remainder)
+    return replace(straight, coordinates=position.coordinates.copy(), remainder=position.remainder.copy())
 
 
 @keep_last(8)

@@ -19,6 +19,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ancf_casadi.estimation.solver.gauss_newton import robust_deviation
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.records.processing import has_flat_top
 from ancf_casadi.support.arrays import Array
@@ -31,7 +32,6 @@ LEAST_SHARE = 0.5  # of the usual time between hits, that a last block needs
 LEAST_MARGIN = 2  # samples of a block before the force rises
 DEFAULT_BLOCKS = 20  # half-overlapping blocks in a record of a shaker
 LEAST_BLOCK = 32  # samples
-MAD_TO_STD = 1.4826  # standard deviation per median absolute deviation of normal noise
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,7 +106,7 @@ def _find_hits(take: Take, duration: float | None) -> list[tuple[_Hit, str]]:
     """Return the hits of a take, each with the reason to leave it out, or an empty text."""
     force = take.channels[0] - np.median(take.channels[0])
     force = force * np.sign(force[np.argmax(np.abs(force))])
-    threshold = max(PULSE_LEVEL * force.max(), NOISE_LEVEL * MAD_TO_STD * float(np.median(np.abs(force))))
+    threshold = max(PULSE_LEVEL * force.max(), NOISE_LEVEL * robust_deviation(force))
     marks = np.where(force > threshold, 1, np.where(force < threshold / 2, 0, -1))
     marks[0] = max(marks[0], 0)
     last_mark = np.maximum.accumulate(np.where(marks >= 0, np.arange(len(marks)), 0))

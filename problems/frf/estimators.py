@@ -301,13 +301,14 @@ def _estimate(spectra: ComplexArray, estimator: Estimator) -> Estimate:
         raise InputError("is too short for eight lines with a force below 0.8 times half the sampling rate", "block")
     force, responses, force_power = spectra[:, :1, lines], spectra[:, 1:, lines], force_power[lines]
     cross = np.mean(force.conj() * responses, axis=0)
-    coherence = np.clip(np.abs(cross) ** 2 / (force_power * np.mean(np.abs(responses) ** 2, axis=0)), 0.0, 1.0)
+    response_power = np.mean(np.abs(responses) ** 2, axis=0)
+    coherence = np.clip(np.abs(cross) ** 2 / (force_power * response_power), 0.0, 1.0)
     first = cross / force_power
     values = np.asarray(first * {"H1": 1.0, "H2": 1 / coherence, "Hv": coherence**-0.5}[estimator])
     if len(spectra) < 2:
         return Estimate(lines, values)
     by_force = force.conj() * (responses - first * force) / cross
-    by_response = responses.conj() * (responses - first / coherence * force) / np.mean(np.abs(responses) ** 2, axis=0)
+    by_response = responses.conj() * (responses - first / coherence * force) / response_power
     by_force, by_response = by_force * _leverage_factor(force), by_response * _leverage_factor(responses)
     relative = {"H1": by_force, "H2": by_response, "Hv": (by_force + by_response) / 2}[estimator]
     return Estimate(lines, values, coherence, np.asarray(values * relative))

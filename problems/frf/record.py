@@ -256,7 +256,7 @@ class FrfRecord(Displayed):
         Raises
         ------
         InputError
-            If there are fewer than two records, or they differ in frequencies, kind or shape.
+            If there are fewer than two records, or they differ in frequencies, kind, window or shape.
 
         Examples
         --------
@@ -273,10 +273,7 @@ class FrfRecord(Displayed):
         first = runs[0]
         if len(runs) < 2:
             raise InputError("needs at least two", "records")
-        for run in runs[1:]:
-            same = (run.kind, run.window) == (first.kind, first.window) and run.values.shape == first.values.shape
-            if not same or not np.array_equal(run.frequencies, first.frequencies):
-                raise InputError("differ in frequencies, kind, window or shape", "records")
+        _check_alike(runs, slice(None), "shape")
         values = np.array([run.values for run in runs])
         variance = (np.abs(values - values.mean(axis=0)) ** 2).sum(axis=0) / (len(runs) - 1) / len(runs)
         smooth = np.apply_along_axis(moving_mean, 2, variance, SCATTER_LINES)
@@ -312,10 +309,7 @@ class FrfRecord(Displayed):
         """
         stack: tuple[FrfRecord, ...] = instances(records, "records", FrfRecord)
         first = stack[0]
-        for record in stack[1:]:
-            same = (record.kind, record.window, record.inputs) == (first.kind, first.window, first.inputs)
-            if not same or not np.array_equal(record.frequencies, first.frequencies):
-                raise InputError("differ in frequencies, kind, window or inputs", "records")
+        _check_alike(stack, slice(1, None), "inputs")
         quality: dict[str, Any] = {}
         for name in ("values", "coherence", "std"):
             arrays = [getattr(record, name) for record in stack]
@@ -413,6 +407,15 @@ def convert_to_si(
         problem = f"are in units of {' and '.join(sorted(kinds))}" if kinds else "have no unit"
         raise InputError(f"the values {problem}; give the kind (--kind), and their unit (--unit)", path)
     return kinds.pop(), np.array(values)
+
+
+def _check_alike(records: Sequence[FrfRecord], axes: slice, sizes: str) -> None:
+    """Refuse records that differ in frequencies, kind, window, or the sizes of some axes of their values."""
+    first = records[0]
+    for record in records[1:]:
+        descriptions = {(each.kind, each.window, each.values.shape[axes]) for each in (record, first)}
+        if len(descriptions) > 1 or not np.array_equal(record.frequencies, first.frequencies):
+            raise InputError(f"differ in frequencies, kind, window or {sizes}", "records")
 
 
 def frf_unit(text: str, where: str) -> tuple[FrfKind, float]:

@@ -50,7 +50,7 @@ class BlockWindow:
 
     @property
     def leakage(self) -> bool:
-        """Whether R describes the resonances; the leakage of other estimators than H1 is not modelled."""
+        """Whether a fit replaces each resonance by R, which is the leakage of a Hann window under H1."""
         return self.hann and self.estimator == "H1"
 
     @property

@@ -313,3 +313,14 @@ def test_sixty_strips_rest_in_a_stable_shape_of_the_elastica_or_say_why_not(seed
         bend = np.abs(rest.model.end_angles(rest.coordinates)).sum(axis=-1).max()
         assert np.abs(places(rest) - reference).max() < (1e-4 if bend < 0.3 else 1e-3), seed
     assert refused <= 2
+
+
+def test_an_equilibrium_that_the_user_changes_does_not_change_the_next_one():
+    """Equal equilibria are found again."""
+    model = Model(
+        Beam.uniform(length=0.5, width=5e-3, thickness=0.5e-3, density=8000.0, elastic_modulus=210e9, elements=4)
+    )
+    first = static_equilibrium(model, tip_force=(1e-3, 0.0))
+    tip = first.tip.copy()
+    first.coordinates[:] = 0.0
+    assert static_equilibrium(model, tip_force=(1e-3, 0.0)).tip == pytest.approx(tip)

@@ -123,9 +123,9 @@ class StepControl(NamedTuple):
         """Return whether a step of length h is to be solved with the matrices of the last one."""
         return self.keep and h == self.length
 
-    def after_failure(self, h: float, *, old_matrices: bool) -> StepControl:
+    def after_failure(self, h: float) -> StepControl:
         """Return the state after Newton's method failed: new matrices if they were old, else half the length."""
-        if old_matrices:
+        if self.keeps_matrices(h):
             return self._replace(proposal=h, keep=False)
         return self._replace(proposal=h / 2, keep=False, largest_growth=AFTER_FAILURE)
 

@@ -163,13 +163,12 @@ class Stepper:
             h = control.trial_length(self._piece.end - self.now, self._largest_step)
             if not h > 1e-11 * max(1.0, self.now):  # s; after the first second, relative to the time
                 raise SimulationError(_failure("could not continue", self.now, h), self.now)
-            keeps_matrices = control.keeps_matrices(h)
             self._begin(h)
-            if not keeps_matrices:
+            if not control.keeps_matrices(h):
                 newton.factorise()
             iterations = newton.converge()
             if not iterations:
-                control = control.after_failure(h, old_matrices=keeps_matrices)
+                control = control.after_failure(h)
                 continue
             stages, end, norm = self._finish()
             error = norm.item()

@@ -114,7 +114,7 @@ def divide_beam(beam: Beam, count: int) -> SegmentedBeam:
     mass = density[elements] * pieces
     masses: Array = np.bincount(owners, mass).astype(np.float64)
     centres = np.bincount(owners, mass * middles) / masses
-    thicknesses, sections = np.array(beam.thickness), beam.sections
+    thicknesses: Array = np.array(beam.thickness)
     of_sections = np.bincount(owners, beam.rotary_sections * mass * thicknesses[elements] ** 2 / 12).astype(np.float64)
     inertias: Array = np.bincount(owners, mass * (pieces**2 / 12 + (middles - centres[owners]) ** 2)).astype(np.float64)
     point_masses = []
@@ -123,9 +123,9 @@ def divide_beam(beam: Beam, count: int) -> SegmentedBeam:
             raise InputError(f"a {type(attachment).__name__} cannot be written; only point masses can", "attachments")
         segment = min(int(attachment.point / length), count - 1)
         point_masses.append((segment, attachment.point - segment * length, attachment))
-    is_round = np.array([section.shape.kind == "round" for section in sections])
-    diameters = np.array([section.depth if section.shape.kind == "round" else 0.0 for section in sections])
-    all_round = _integrals(1.0 * ~is_round, nodes, ends) == 0.0
+    diameters = np.array([section.depth if section.shape.kind == "round" else 0.0 for section in beam.sections])
+    is_round = diameters > 0.0
+    all_round = _integrals(np.where(is_round, 0.0, 1.0), nodes, ends) == 0.0
     curvature = np.array(beam.natural_curvature or [0.0] * beam.elements)
     return SegmentedBeam(
         origin=support.displacement,

@@ -2,7 +2,7 @@
 
     .venv/bin/python -m benchmarks.first_call                          three laws, both integrators, a transient fit
     .venv/bin/python -m benchmarks.first_call --before ../old          the same, in turn with another checkout
-    .venv/bin/python -m benchmarks.first_call --cases radau-modal fit --seconds 2
+    .venv/bin/python -m benchmarks.first_call --cases radau-modal fit --seconds 1
 
 Each case runs in its own process with an empty cache.  It makes the same call twice, then one call with another beam
 and one with another number of elements.  Times are wall times and, in brackets, processor times including the
@@ -58,7 +58,7 @@ CASES = {f"{method}-{law}": (method, law) for method in METHODS for law in LAWS}
 def call(case: str, seconds: float, **changes: Any) -> Callable[[], object]:
     """Return the call of a case, ready to be timed."""
     if case == "fit":
-        return fit_call(seconds / 5, **changes)
+        return fit_call(seconds, **changes)
     model = Model(steel(**changes))
     method, law = CASES[case]
     base = HarmonicBase(amplitude=5e-3, frequency=1.85)
@@ -114,7 +114,7 @@ def main() -> None:
     """Measure the cases, each checkout in turn, and print a table."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--cases", nargs="+", choices=[*CASES, "fit"], default=[*CASES, "fit"])
-    parser.add_argument("--seconds", type=float, default=10.0, help="simulated time; a fit uses a fifth of it")
+    parser.add_argument("--seconds", type=float, default=2.0, help="simulated time")
     parser.add_argument("--before", type=Path, help="another checkout to compare with")
     parser.add_argument("--measure", choices=[*CASES, "fit"], help=argparse.SUPPRESS)
     options = parser.parse_args()

@@ -120,9 +120,32 @@ class Steps:
     work: Array | None = None  # energies that each step of IDAS adds, (m, 3), J
     first: bool = False  # whether the first step begins with given rates
 
-    @cached_property
-    def logarithms(self) -> Array:
-        """Coefficients of 1, x, ..., x^5 in lambda, then theta, of the slopes, (m, 6, 2 s)."""
+    def slopes(self, owners: Index, x: Array, orders: int) -> Iterator[tuple[slice, Array, Array]]:
+        """Yield the slopes and their time derivatives, (orders, k, s), and the same of the beam's own beginning.
+
+        The slices choose the instants, some at a time.  The polynomials are not kept: they need as much memory as the
+        steps.
+        """
+        lengths, logarithms, beginnings = np.diff(self.instants), self._logarithms(), self._beginnings()
+        for start in range(0, owners.size, INSTANTS_TOGETHER):
+            together = slice(start, start + INSTANTS_TOGETHER)
+            steps = owners[together]
+            h, of_slopes, of_beginning = lengths[steps, None], logarithms[steps], beginnings[steps]
+            terms = np.array(powers(x[together], orders)).swapaxes(1, 2)
+            terms /= h ** np.arange(orders)[:, None, None]
+            z = np.empty((orders, steps.size, of_slopes.shape[2] // 2), complex)
+            log_length, angle = np.split((terms[0][:, None] @ of_slopes)[:, 0], 2, axis=1)
+            size = np.exp(log_length)
+            z[0].real, z[0].imag = size * np.cos(angle), size * np.sin(angle)
+            rates = [_complex((of_order[:, None] @ of_slopes)[:, 0]) for of_order in terms[1:]]
+            if orders > 1:
+                z[1] = z[0] * rates[0]
+            if orders > 2:
+                z[2] = z[0] * (rates[1] + rates[0] ** 2)
+            yield together, z, np.array([(of_order[:, None] @ of_beginning)[:, 0] for of_order in terms])
+
+    def _logarithms(self) -> Array:
+        """Return the coefficients of 1, x, ..., x^5 in lambda, then theta, of the slopes, (m, 6, 2 s)."""
         z, z_t, z_tt = (self.basis.at(self.ends[:, order]) for order in range(3))
         log_z = np.log(z)
         log_z[1:].imag = log_z[:1].imag + np.cumsum(np.angle(z[1:] / z[:-1]), axis=0)  # does not jump by 2 pi
@@ -134,9 +157,8 @@ class Steps:
             result[self.first :, :, : z.shape[1]] = _polynomials(STAGE_CUBIC, *start_and_stages)
         return result
 
-    @cached_property
-    def beginning(self) -> Array:
-        """Coefficients of 1, x, ..., x^5 in the position of the beam's own beginning, complex, (m, 6, 0 or 1)."""
+    def _beginnings(self) -> Array:
+        """Return the coefficients in the position of the beam's own beginning, complex, (m, 6, 0 or 1)."""
         positions = np.ascontiguousarray(self.ends[:, :, NODE : NODE + 2]).view(complex)
         return self._through_ends(*positions[:, :, : self.basis.model.root].swapaxes(0, 1))
 
@@ -145,21 +167,6 @@ class Steps:
         h = np.diff(self.instants)[:, None]
         scaled = [derivative[side] for side in (slice(-1), slice(1, None)) for derivative in (values, rates, changes)]
         return _polynomials(QUINTIC, *(derivative * h ** (k % 3) for k, derivative in enumerate(scaled)))
-
-    def slopes(self, owners: Index, x: Array, orders: int) -> tuple[Array, Array]:
-        """Return the slopes and their time derivatives, (orders, k, s), and the same of the beam's own beginning."""
-        h = np.diff(self.instants)[owners]
-        terms = np.array(powers(x, orders)).swapaxes(1, 2) / h[:, None] ** np.arange(orders)[:, None, None]
-        logarithms, z = self.logarithms[owners], np.empty((orders, owners.size, self.logarithms.shape[2] // 2), complex)
-        log_length, angle = np.split((terms[0][:, None] @ logarithms)[:, 0], 2, axis=1)
-        size = np.exp(log_length)
-        z[0].real, z[0].imag = size * np.cos(angle), size * np.sin(angle)
-        rates = [_complex((of_order[:, None] @ logarithms)[:, 0]) for of_order in terms[1:]]
-        if orders > 1:
-            z[1] = z[0] * rates[0]
-        if orders > 2:
-            z[2] = z[0] * (rates[1] + rates[0] ** 2)
-        return z, np.array([(of_order[:, None] @ self.beginning[owners])[:, 0] for of_order in terms])
 
 
 @dataclass(frozen=True, eq=False)
@@ -362,17 +369,16 @@ class DenseMotion(MotionSource):
         segments = np.minimum(np.searchsorted(ends, times - slack), len(ends) - 1)
         for k in np.unique(segments).tolist():
             steps, inside = self.steps[k], np.flatnonzero(segments == k)
-            for chosen in np.array_split(inside, inside.size // INSTANTS_TOGETHER + 1):
-                owners = np.searchsorted(steps.instants[1:-1], times[chosen])
-                x = (times[chosen] - steps.instants[owners]) / np.diff(steps.instants)[owners]
-                yield k, chosen, owners, x
+            owners = np.searchsorted(steps.instants[1:-1], times[inside])
+            yield k, inside, owners, (times[inside] - steps.instants[owners]) / np.diff(steps.instants)[owners]
 
     def _parts(self, times: Array, orders: int) -> Iterator[tuple[Index, Array, Array]]:
         """Yield the indices of some instants, what is known of the base, (orders, j, 2 or 3), and the slopes."""
         bases = self._base_nodes(times, orders)
-        for k, chosen, owners, x in self._places(times):
-            slopes, beginning = self.steps[k].slopes(owners, x, orders)
-            yield chosen, np.concatenate([bases[:, chosen], beginning], axis=2), slopes
+        for k, inside, owners, x in self._places(times):
+            for together, slopes, beginning in self.steps[k].slopes(owners, x, orders):
+                chosen = inside[together]
+                yield chosen, np.concatenate([bases[:, chosen], beginning], axis=2), slopes
 
     def _base_nodes(self, times: Array, orders: int) -> Array:
         """Return position and slope of the base and their time derivatives, complex, (orders, k, 2)."""

@@ -44,12 +44,13 @@ from ancf_casadi.support.arrays import Array, Layout
 from ancf_casadi.support.last_calls import keep_last
 
 ELEMENTS_PER_CALL = 10  # elements per call of a compiled Function
+OF_A_STEP = ("balance", "tangents", "resistance")  # element Functions that every step needs, compiled side by side
 
 Make = Callable[[Sequence[cs.Function]], list[cs.Function]]  # compiles Functions, or leaves them to the virtual machine
 
 
-def element_function(name: str, element: Element, law: DampingLaw, make: Make) -> cs.Function:
-    """Return a Function of one element under a damping law, for columns, one per element of a call, made by ``make``.
+def element_function(name: str, element: Element, law: DampingLaw, compiled: bool) -> cs.Function:
+    """Return a Function of one element under a damping law, for columns, one per element of a call.
 
     balance      (e, e_t, e_tt, p, c) -> Q (d,)
     lost_power   (e, e_t, p, c) -> e_t . Q_damp
@@ -72,10 +73,10 @@ def element_function(name: str, element: Element, law: DampingLaw, make: Make) -
     else:
         force = cs.jtimes(damping, e_t, u) + element.inertia_force(e_tt, p)
         inputs, outputs = [e, e_t, u, e_tt, p, c], [force]
-    fixed = name == "resistance" or (name in ("tangents", "lost_power") and make is not as_they_are)
+    fixed = name == "resistance" or (name in ("tangents", "lost_power") and compiled)
     options: Any = {"is_diff_in": [False] * len(inputs)} if fixed else {}
     of_element = cs.Function(name, inputs, [cs.densify(output) for output in outputs], {"cse": True, **options})
-    return make([side_by_side(of_element, **options)])[0]
+    return side_by_side(of_element, **options)
 
 
 def side_by_side(function: cs.Function, **options: Any) -> cs.Function:
@@ -125,7 +126,11 @@ class Equations:
         if (name, group) not in self._element_functions:
             elements = self.model.groups[group]
             make = self.make if elements.count > 1 else as_they_are
-            self._element_functions[name, group] = element_function(name, elements.element, self.law, make)
+            names, compiled = OF_A_STEP if name in OF_A_STEP else (name,), make is not as_they_are
+            functions = make([element_function(each, elements.element, self.law, compiled) for each in names])
+            self._element_functions.update(
+                ((each, group), function) for each, function in zip(names, functions, strict=True)
+            )
         return self._element_functions[name, group]
 
     @property

@@ -18,6 +18,7 @@ from ancf_casadi.mechanics.model import Model
 from ancf_casadi.support.arrays import Array
 
 MAX_BEND = 0.5  # of an element, rad; the error of positions is then 3e-4 of the length, and grows steeply
+SHAPES_TOGETHER = 1024
 SHORTEST_PER_BEND = 0.9  # thicknesses per rad; an arc of shorter elements is unstable
 
 
@@ -26,7 +27,14 @@ def largest_bend(model: Model, coordinates: Array) -> float:
 
     This is its turn, or more if the slopes at its ends are turned to the same side of the chord.
     """
-    return float(np.abs(model.end_angles(coordinates)).sum(axis=-1).max(initial=0.0))
+    return max((float(np.abs(angles).sum(axis=-1).max()) for angles in _end_angles(model, coordinates)), default=0.0)
+
+
+def _end_angles(model: Model, coordinates: Array) -> Iterator[Array]:
+    """Yield the angles to the chords (k, n, 2) in some coordinates (..., size), some at a time to save memory."""
+    shapes = coordinates.reshape(-1, model.size)
+    for start in range(0, len(shapes), SHAPES_TOGETHER):
+        yield model.end_angles(shapes[start : start + SHAPES_TOGETHER])
 
 
 def bend_advice(model: Model, bend: float) -> str:
@@ -64,8 +72,8 @@ def warn_of_short_elements(model: Model, coordinates: Array) -> None:
     """Warn if elements are too short for the bend of a beam in some coordinates (..., size)."""
     if model.measures.axial_points > 2:
         return
-    sums = np.insert(np.cumsum(-np.diff(model.end_angles(coordinates))[..., 0], axis=1), 0, 0.0, axis=1)
-    bent = float(np.ptp(sums, axis=1).max())
+    turns = (np.cumsum(-np.diff(angles)[..., 0], axis=1) for angles in _end_angles(model, coordinates))
+    bent = max(float(np.ptp(np.insert(sums, 0, 0.0, axis=1), axis=1).max()) for sums in turns)
     shortest = float((model.beam.element_lengths / model.beam.thickness).min())
     shortest_allowed = SHORTEST_PER_BEND * bent
     if shortest >= shortest_allowed:

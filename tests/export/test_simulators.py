@@ -20,6 +20,7 @@ from ancf_casadi import (
     RayleighDamping,
     Spring,
     natural_modes,
+    simulate,
     static_equilibrium,
 )
 from ancf_casadi.export import write_exudyn, write_mujoco, write_newton, write_pyelastica
@@ -172,6 +173,30 @@ def test_mujoco_decays_like_the_beam(paper_beam, tmp_path, case):
         assert fit.estimates["eta1"] == pytest.approx(0.1, rel=0.03)
     else:
         assert fit.damping_ratio == pytest.approx(found.damping_ratios[0], rel=0.03)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("amplitude", [0.01, 0.1])
+def test_quadratic_drag_in_mujoco_is_that_of_the_beam(paper_beam, tmp_path, amplitude):
+    """The decays of MuJoCo and of ``simulate`` have the same coefficients to 1 %, with a tip amplitude to 20 % of L."""
+    mujoco = pytest.importorskip("mujoco")
+    model, law = Model(paper_beam()), QuadraticDamping(eta1=0.1, eta2=0.2)
+    found = write_mujoco(model, tmp_path / "beam.xml", damping=law, amplitude=amplitude)
+    assert found.reached_damping_ratios == pytest.approx(found.damping_ratios, rel=0.05)
+    there = mujoco.MjModel.from_xml_path(str(tmp_path / "beam.xml"))
+    data, motion = mujoco.MjData(there), []
+    mujoco.mj_resetDataKeyframe(there, data, 1)
+    duration = 8 / found.frequencies[0]
+    for _ in range(round(duration / found.step)):
+        mujoco.mj_step(there, data)
+        motion.append(data.sensor("tip").data[0])
+    in_mujoco = fit_decay(found.step * np.arange(1, 1 + len(motion))[::10], motion[::10], law="quadratic")
+    start = natural_modes(model, count=1).state(1, amplitude)
+    run = simulate(model, damping=law, start=start, duration=duration, sample_rate=200.0)
+    here = fit_decay(run.time, run.tip[:, 0], law="quadratic")
+    for name in ("eta1", "eta2"):
+        assert in_mujoco.estimates[name] == pytest.approx(here.estimates[name], rel=0.01)
+    assert in_mujoco.estimates["eta2"] == pytest.approx(0.2, rel=0.05)
 
 
 def along(motion, rest):

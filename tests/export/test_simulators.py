@@ -18,6 +18,7 @@ from ancf_casadi import (
     PointMass,
     QuadraticDamping,
     RayleighDamping,
+    Section,
     Spring,
     natural_modes,
     simulate,
@@ -265,11 +266,20 @@ def test_a_curve_for_newton_is_the_chain_of_the_report(paper_beam, tmp_path, ben
         ({"clamp_stiffness": 0.2}, "rigid clamp"),
         ({"supports": (Pin(0.0),)}, "rigid clamp"),
         ({"width": [5e-3, 5e-3, 4e-3, 4e-3]}, "same section"),
+        ({"rotary_sections": True}, "no rotary inertia"),
     ],
 )
 def test_beams_that_are_no_curve_are_refused(paper_beam, tmp_path, changes, message):
     with pytest.raises(InputError, match=message):
         write_newton(Model(paper_beam(elements=4, **changes)), tmp_path / "cable.usda")
+
+
+def test_segments_of_a_thin_curve_keep_the_inertia_that_newton_would_correct(tmp_path):
+    """Newton adds 1e-6 kg m^2 to a segment whose inertia m d^2/8 about its axis is below 1e-10 kg m^2."""
+    beam = Beam.uniform(length=0.3, section=Section.circle(0.5e-3), density=1500.0, elastic_modulus=2e9, elements=6)
+    found = write_newton(Model(beam), tmp_path / "cable.usda")
+    diameter = float(re.search(r"thicknesses = \[(.*)\]", (tmp_path / "cable.usda").read_text())[1])
+    assert beam.mass / (found.segments + 0.5) * diameter**2 / 8 > 1e-10
 
 
 def test_the_usd_library_reads_the_curve_and_its_material(paper_beam, tmp_path, bending_stiffness):

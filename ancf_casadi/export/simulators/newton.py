@@ -48,7 +48,6 @@ from ancf_casadi.mechanics.supports import Clamp
 from ancf_casadi.support.arrays import Array
 
 MIN_AXIAL_INERTIA = 1.2e-10  # of a segment, kg m^2; Newton corrects those below 1e-10
-SHEAR_SHARE = 0.5  # of the tolerance, for the error of mode 3 by the shear stiffness
 LARGEST_STEP = 3.0  # h^2 S/(m l) of a step that 20 iterations of VBD solve; 10 leave an error of 1.2 % in frequency
 
 
@@ -125,6 +124,8 @@ class Cable(SimulatorBeam):
         curvature = beam.natural_curvature or (0.0,)
         if not isinstance(support, Clamp) or math.isfinite(support.stiffness) or beam.attachments:
             raise InputError("a curve of Newton is a beam with a rigid clamp and without attachments", "model")
+        if beam.rotary_sections:
+            raise InputError("a curve of Newton has no rotary inertia of sections", "model")
         if any(np.ptp(values) > 0.0 for values in (beam.bending_stiffness, beam.mass_per_length, curvature)):
             raise InputError("a curve of Newton has the same section and natural curvature everywhere", "model")
         length = beam.length / (count + 0.5)
@@ -153,15 +154,15 @@ class Cable(SimulatorBeam):
 
     @property
     def stretch_stiffness(self) -> float:
-        """Stretch and shear stiffness, N: at most E A."""
+        """Stretch and shear stiffness, N: at most E A; shear changes mode 3 by half the tolerance."""
         wave: float = math.sqrt(self.bending_stiffness * self._beam.mass_per_length[0]) * self.modes[0][-1]
-        return min(float(self._beam.axial_stiffness[0]), wave / (2 * SHEAR_SHARE * self.request.tolerance))
+        return min(float(self._beam.axial_stiffness[0]), wave / self.request.tolerance)
 
     @property
     def step(self) -> float:
         """The longest step for which the iterations converge, s; in single precision, shorter ones add noise."""
         longest = math.sqrt(LARGEST_STEP * self.chain.masses[0] * self.chain.length / self.stretch_stiffness)
-        return next(step for step in STEPS if step <= longest)
+        return next((step for step in STEPS if step <= longest), STEPS[-1])
 
     @property
     def diameter(self) -> float:

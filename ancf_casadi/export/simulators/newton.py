@@ -46,6 +46,7 @@ from ancf_casadi.mechanics.beam import Beam
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.mechanics.supports import Clamp
 from ancf_casadi.support.arrays import Array
+from ancf_casadi.support.files import check_file
 
 MIN_AXIAL_INERTIA = 1.2e-10  # of a segment, kg m^2; Newton corrects those below 1e-10
 LARGEST_STEP = 3.0  # h^2 S/(m l) of a step that 20 iterations of VBD solve; 10 leave an error of 1.2 % in frequency
@@ -257,6 +258,6 @@ def write_newton(
     >>> found.segments
     12
     """
-    is_curve = Path(path).suffix.lower() == ".usda"
+    is_curve = check_file(path).suffix.lower() == ".usda"
     kind, template = (Cable, "newton.usda.jinja") if is_curve else (LinkedBeam, "newton.py.jinja")
     return write_segments(kind, template, model, path, damping, segments, tolerance, amplitude)

@@ -213,6 +213,15 @@ def known_unit(text: object, where: str) -> Unit:
     return replace(unit, symbol=str(text).strip(), factor=factor * unit.factor)
 
 
+def mass_factor(unit: Unit) -> float:
+    """Return the kg per unit of a mass; g, mg and ug, elsewhere accelerations, are grams."""
+    if unit.quantity == "acceleration" and re.fullmatch(r"[\d.eE+* -]*[muµμ]?g", unit.symbol):
+        return 1e-3 * unit.factor / STANDARD_GRAVITY
+    if unit.quantity != "mass":
+        raise InputError(f"is in {unit.symbol}, a unit of {unit.quantity}, not of mass; state the unit, such as 'g'")
+    return unit.factor
+
+
 def unit_in_name(name: str) -> tuple[str, Unit | None]:
     """Return the text of the unit in the name of a column, '' if there is none, and the unit, None if unknown."""
     bracketed = [text.strip() for text in BRACKETS.findall(name)]

@@ -31,7 +31,13 @@ from problems.command.output import (
     positive_count,
     result_output,
 )
-from problems.command.record_options import add_record_options, read_record, releases
+from problems.command.record_options import (
+    add_record_options,
+    given_options,
+    read_record,
+    refuse_combinations,
+    releases,
+)
 from problems.decay.comparison import compare_decay_laws, comparison_arguments
 from problems.decay.fitting import fit_decay, fit_decays
 from problems.decay.law_curve import amplitude_table
@@ -114,21 +120,17 @@ def _check_outputs(options: argparse.Namespace, count: int) -> None:
 def _check(options: argparse.Namespace) -> None:
     """Refuse options that do not go together."""
     automatic, several = _automatic(options), len(options.files) > 1
-
-    def given_options(*names: str) -> dict[str, bool]:
-        return {f"--{name.replace('_', '-')}": getattr(options, name) is not None for name in names}
-
-    excluded: dict[str, tuple[bool, str, dict[str, bool]]] = {  # by option: whether it is given, and what it does
+    refuse_combinations({
         "--release all": (options.release == "all", "fits one mode by one law to all releases", {
-            **given_options("release_time", "modes", "band"), automatic: bool(automatic),
+            **given_options(options, "release_time", "modes", "band"), automatic: bool(automatic),
         }),
         "--modes": (options.modes is not None, "fits modes with linear damping to one record", {
             "several files": several, f"--law {options.law}": options.law != "linear", "--robust": options.robust,
-            **given_options("frequency_law", "rest", "band", "curve"),
+            **given_options(options, "frequency_law", "rest", "band", "curve"),
         }),
         "--quantity amplitude": (options.quantity == "amplitude", "fits amplitudes of one record", {
             "several files": several, "--release all": options.release == "all",
-            **given_options("frequency_law", "rest", "modes", "band", "curve", "release_time", "decimate"),
+            **given_options(options, "frequency_law", "rest", "modes", "band", "curve", "release_time", "decimate"),
         }),
         "--frequency": (options.frequency is not None, "belongs to --quantity amplitude", {
             "the oscillation, which shows it": options.quantity == "motion",
@@ -136,11 +138,7 @@ def _check(options: argparse.Namespace) -> None:
         automatic: (bool(automatic), "compares sums of squares on one record", {
             "several files": several, "--robust": options.robust,
         }),
-    }  # fmt: skip
-    for option, (given, action, others) in excluded.items():
-        for name, present in others.items():
-            if given and present:
-                raise InputError(f"{action}; it does not go with {name}", option)
+    })  # fmt: skip
     if options.band is not None and len(options.band) != 2:
         raise InputError("must be two frequencies LOW,HIGH", "--band")
 

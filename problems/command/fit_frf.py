@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Sequence
 from dataclasses import replace
 from typing import get_args
 
@@ -24,7 +23,7 @@ from problems.command.output import (
     positive_count,
     result_output,
 )
-from problems.command.record_options import add_keys, columns
+from problems.command.record_options import add_keys, columns, given_options, refuse_combinations
 from problems.frf.estimators import Estimator, Excitation, Window, frf_of
 from problems.frf.fitting import fit_frf
 from problems.frf.record import FrfRecord
@@ -80,7 +79,15 @@ def run_fit_frf(options: argparse.Namespace) -> Output:
     new_files(options.files, options.plot)
     if options.band is not None and len(options.band) != 2:
         raise InputError("must be two frequencies LOW,HIGH", "--band")
-    record = _read_functions(options) if options.force is None else _estimate_functions(options)
+    over_frequency = options.force is None
+    other_keys = *(key for key in COLUMN_KEYS if key != "unit"), "imaginary"
+    over_time = given_options(options, "response", *TIME_KEYS, *ESTIMATE_KEYS)
+    refuse_combinations({
+        "--force": (not over_frequency, "reads records over time", given_options(options, *other_keys)),
+        **{option: (given, "belongs to records over time", {"functions over frequency; give --force": over_frequency})
+           for option, given in over_time.items()},
+    })  # fmt: skip
+    record = _read_functions(options) if over_frequency else _estimate_functions(options)
     with error_prefix(", ".join(options.files)):
         fit = fit_frf(record, modes=options.modes, frequencies=options.frequencies, band=options.band)
     return result_output(fit, options.plot)
@@ -88,7 +95,6 @@ def run_fit_frf(options: argparse.Namespace) -> Output:
 
 def _read_functions(options: argparse.Namespace) -> FrfRecord:
     """Read functions over frequency."""
-    _refuse(options, ("response", *TIME_KEYS, *ESTIMATE_KEYS), "belongs to records over time; give --force as well")
     reading = {name: getattr(options, name) for name in COLUMN_KEYS}
     layout = TableLayout.of(vars(options))
     records = [
@@ -102,8 +108,6 @@ def _estimate_functions(options: argparse.Namespace) -> FrfRecord:
     """Estimate functions from the columns of files over time."""
     if options.response is None:
         raise InputError("is needed beside --force; name the columns of the responses", "--response")
-    unused = tuple(key for key in (*COLUMN_KEYS, "imaginary") if key != "unit")
-    _refuse(options, unused, "belongs to values over frequency; leave it out, or --force")
     response_unit, _, force_unit = (options.unit or "").strip("[]").rpartition("/")
     if options.unit and not (response_unit and force_unit):
         raise InputError(f"must be units of response and force, such as g/N, got {options.unit!r}", "--unit")
@@ -121,10 +125,3 @@ def _estimate_functions(options: argparse.Namespace) -> FrfRecord:
         record = frf_of(forces, responses, kind=options.kind, **settings)
         notes = dict.fromkeys(note for takes in (forces, *responses) for take in takes for note in take.notes)
     return replace(record, notes=(*notes, *record.notes))
-
-
-def _refuse(options: argparse.Namespace, names: Sequence[str], reason: str) -> None:
-    """Refuse options that do not belong to the files."""
-    for name in names:
-        if getattr(options, name) is not None:
-            raise InputError(reason, f"--{name.replace('_', '-')}")

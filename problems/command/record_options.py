@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import csv
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any
 
 from msgspec import inspect as types
@@ -109,8 +109,24 @@ def releases(options: argparse.Namespace, count: int) -> list[float | None]:
     return list(times * (count if len(times) == 1 else 1))
 
 
+def given_options(options: argparse.Namespace, *names: str) -> dict[str, bool]:
+    """Return whether each option is given."""
+    return {f"--{name.replace('_', '-')}": getattr(options, name) is not None for name in names}
+
+
+def refuse_combinations(excluded: Mapping[str, tuple[bool, str, Mapping[str, bool]]]) -> None:
+    """Refuse options that do not go together.
+
+    By option: whether it is given, what it does, and what does not go with it, with whether that is given.
+    """
+    for option, (given, action, others) in excluded.items():
+        for name, present in others.items():
+            if given and present:
+                raise InputError(f"{action}; it does not go with {name}", option)
+
+
 def check_no_record_options(options: argparse.Namespace, instead: str) -> None:
     """Refuse the options of a record where there is none, and say what to do ``instead``."""
-    for name in RECORD_KEYS:
-        if getattr(options, name) is not None:
-            raise InputError(f"belongs to the file of a record; {instead}", f"--{name.replace('_', '-')}")
+    for option, given in given_options(options, *RECORD_KEYS).items():
+        if given:
+            raise InputError(f"belongs to the file of a record; {instead}", option)

@@ -22,6 +22,7 @@ from functools import partial
 from types import NoneType
 from typing import Any, Literal, get_args, overload
 
+import numpy as np
 from numpy.typing import ArrayLike
 
 from ancf_casadi.decay.phase import FrequencyLaw
@@ -108,7 +109,7 @@ def fit_decay(
     release_time : float, optional
         Start of the free decay, s; detected in the record if not given.
     ratio_bounds : (float, float)
-        Bounds of the damping ratio under the linear law, above -1 and below 1.
+        Bounds of the damping ratio under the linear law, above -1 and below 1; not with amplitudes.
     priors : mapping, optional
         What is known of an unknown before the fit, by its name in ``fit.fit.names``, or as ``damping_ratio`` (linear
         law), ``frequency`` (Hz; constant law) or ``frequency_at_zero`` (Hz, at zero amplitude; linear, quadratic or
@@ -149,10 +150,12 @@ def fit_decay(
     """
     choice(quantity, ("motion", "amplitude"), "quantity")
     if quantity == "amplitude":
-        unused = {"frequency_law": frequency_law, "rest": rest, "release_time": release_time, "priors": priors}
+        bounds = None if np.array_equal(ratio_bounds, RATIO_BOUNDS) else ratio_bounds
+        unused = {"frequency_law": frequency_law, "rest": rest, "release_time": release_time, "priors": priors,
+                  "ratio_bounds": bounds}  # fmt: skip
         for name, value in unused.items():
             if value is not None:
-                raise InputError("does not go with amplitudes, which have no oscillation; leave it out", name)
+                raise InputError("does not go with amplitudes over time; leave it out", name)
         return fit_amplitudes(as_record(time, displacement), law, frequency, robust=flag(robust, "robust"))
     if frequency is not None:
         raise InputError(

@@ -27,13 +27,13 @@ from problems.spec.record_files import SensorSpec
 from problems.spec.records import (
     CurveTestSpec,
     FitSpec,
+    LoadsSpec,
     MotionTestSpec,
     StaticTestSpec,
     Values,
     channel_groups,
     excitation,
     law_terms,
-    load_cases,
     sums_of_laws,
 )
 
@@ -174,14 +174,13 @@ def _motion(file: StudyFile, table: Any, model: Model, where: str) -> Callable[[
 
 
 def _static(file: StudyFile, table: Any, model: Model, where: str) -> Callable[[], PlannedRecord]:
-    (candidate, configuration, static), channels = channel_groups(
-        table, where, (CandidateSpec, ConfigurationSpec, StaticTestSpec), (PlannedChannelSpec, SensorSpec)
+    (candidate, configuration, static, tests), channels = channel_groups(
+        table, where, (CandidateSpec, ConfigurationSpec, StaticTestSpec, LoadsSpec), (PlannedChannelSpec, SensorSpec)
     )
     sensors, std = _sensors(channels)
     beam = configuration.other_model(model, where) or model
     with error_prefix(where):
-        loads = load_cases(static.loads)
-        record = PlannedRecord.static(beam, loads, sensors, std=std, tared=static.tared, cost=candidate.cost)
+        record = PlannedRecord.static(beam, tests.cases(), sensors, std=std, tared=static.tared, cost=candidate.cost)
     return lambda: record
 
 

@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+import math
 from typing import Annotated
 
+import numpy as np
 from msgspec import UNSET, Meta, UnsetType
 
+from ancf_casadi.exceptions import InputError
 from ancf_casadi.records.channel import Recording
 from ancf_casadi.records.layout import TableLayout
 from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.records.recording import with_times
-from ancf_casadi.records.sensor import Frame, Quantity, Sensor
+from ancf_casadi.records.sensor import Frame, Quantity, Sensor, assign_sensor
+from ancf_casadi.records.units import known_unit, mass_factor
+from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.inputs import error_prefix
 from ancf_casadi.support.specs import Pair, Positive, Spec
 from problems.spec.file import StudyFile
@@ -81,6 +86,46 @@ class CurveFileSpec(RecordFile, frozen=True, kw_only=True):
     unit: Annotated[str | None, Meta(description="unit of the values, such as mm, g or mm/N")] = None
     phase_unit: Annotated[str | None, Meta(description="deg or rad")] = None
     level_unit: str | None = None
+
+
+class StaticColumnSpec(Spec, frozen=True, kw_only=True):
+    """A column of a file with the readings of a static test, a case per row."""
+
+    column: Annotated[ColumnName, Meta(description="column of the values, by name or number from 1")]
+    unit: Annotated[str | None, Meta(description="unit of the values, if the file does not say it")] = None
+    std: Annotated[float | str, Meta(description="standard deviation, or the column with it")] = math.nan
+
+    def values_and_std(self, contents: Recording, sensor: Sensor) -> tuple[Array, Array]:
+        """Return the readings, nan where there is a gap, and their standard deviations, in SI units."""
+        values = si_column(contents, self.column, "column", None, self.unit, sensor)
+        if isinstance(self.std, str):
+            return values, si_column(contents, self.std, "std", len(values), self.unit, sensor)
+        return values, np.full(len(values), self.std)
+
+
+LOAD_SENSORS = {"force": Sensor("force"), "moment": Sensor("moment"), "point": Sensor("position")}
+
+
+def si_column(
+    contents: Recording, column: ColumnName, key: str, count: int | None, unit: str | None, sensor: Sensor | None = None
+) -> Array:
+    """Return a column that a key of a table names, in the unit of a sensor, or without one in that of a load."""
+    with error_prefix(key):
+        channel = contents.channel(column)
+        with error_prefix(f"{contents.path}: column {channel.label}"):
+            stated_unit = channel.unit if unit is None else known_unit(unit, "unit")
+            if stated_unit is None and (sensor is None or sensor.unit):
+                raise InputError(
+                    "has no unit that is known; write it in the name of the column, or, of readings, masses and "
+                    "forces, as the key unit"
+                )
+            if count not in (None, len(channel.values)):
+                raise InputError(f"has {len(channel.values)} rows, but the readings have {count}")
+            if sensor is None and (gaps := np.flatnonzero(~np.isfinite(channel.values))).size:
+                raise InputError("has no number, and each case needs its load", contents.place(int(gaps[0])))
+            if key == "mass" and stated_unit:
+                return channel.values * mass_factor(stated_unit)
+            return channel.values * assign_sensor(channel, stated_unit, sensor or LOAD_SENSORS[key])[0]
 
 
 class SensorSpec(Spec, frozen=True):

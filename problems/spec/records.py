@@ -1,7 +1,7 @@
 """The tables of a fit of a beam: its measurements, one table each, and [fit] with the unknowns.
 
-[[records]] are motions in files, [[curves]] response curves in files or as numbers, [[statics]] static tests and
-[[frequencies]] natural frequencies, both as numbers.
+[[records]] are motions in files, [[curves]] response curves and [[statics]] static tests, both in files or as numbers,
+[[frequencies]] natural frequencies as numbers.
 """
 
 from __future__ import annotations
@@ -25,6 +25,7 @@ from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.loads import PointLoad
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.mechanics.spec import ConfigurationSpec
+from ancf_casadi.records.channel import Recording
 from ancf_casadi.records.layout import LAYOUT_KEYS, TableLayout
 from ancf_casadi.support.inputs import check_keys, error_prefix, whole
 from ancf_casadi.support.specs import Pair, Positive, Spec, convert, table_keys
@@ -35,7 +36,7 @@ from problems.beam.values.records import FrequencyRecord, StaticRecord
 from problems.spec.beam import DampedBeam
 from problems.spec.file import StudyFile, convert_groups
 from problems.spec.motion import StepTables, convert_motion
-from problems.spec.record_files import ChannelSpec, CurveFileSpec, SensorSpec
+from problems.spec.record_files import ChannelSpec, CurveFileSpec, RecordFile, SensorSpec, StaticColumnSpec, si_column
 
 Values = float | tuple[float, ...]  # one number, or one per value
 Table = dict[str, Any]
@@ -120,12 +121,25 @@ class LoadSpec(Spec, frozen=True):
 class StaticTestSpec(Spec, frozen=True):
     """A static test; a key of its channels beside them holds for all."""
 
+    channels: Channels = ()
+    tared: Annotated[bool, Meta(description="whether all sensors read 0 without loads")] = False
+
+
+class LoadsSpec(Spec, frozen=True):
+    """The loads of a static test by case."""
+
     loads: Annotated[
         tuple[LoadSpec | tuple[LoadSpec, ...], ...],
         Meta(description="one or several by case"),
     ]
-    channels: Channels = ()
-    tared: Annotated[bool, Meta(description="whether all sensors read 0 without loads")] = False
+
+    def cases(self) -> list[list[PointLoad]]:
+        """Return the loads of each case."""
+        cases = []
+        for k, case in enumerate(self.loads, start=1):
+            with error_prefix(f"loads: {k}"):
+                cases.append([load.make() for load in (case if isinstance(case, Sequence) else [case])])
+        return cases
 
 
 class StaticSpec(StaticTestSpec, frozen=True):
@@ -139,6 +153,50 @@ class StaticValuesSpec(Spec, frozen=True):
 
     values: Annotated[tuple[float, ...], Meta(description="of the cases")]
     std: Values = math.nan
+
+
+class LoadColumnsSpec(Spec, frozen=True):
+    """A load of every case in a file; a text is the column with its values."""
+
+    mass: Annotated[float | str | UnsetType, Meta(description="kg; no load where a column has 0")] = UNSET
+    force: Annotated[tuple[float | str, float | str] | UnsetType, Meta(description="N")] = UNSET
+    moment: Annotated[float | str | UnsetType, Meta(description="N m")] = UNSET
+    point: Annotated[float | str | UnsetType, Meta(description="m")] = UNSET
+    follower: Annotated[bool | UnsetType, Meta(description="whether the force turns with the beam")] = UNSET
+    unit: Annotated[str | None, Meta(description="of a column of mass or force, if the file does not say it")] = None
+
+    def cases(self, contents: Recording, count: int) -> list[list[PointLoad]]:
+        """Return the load of each case, none where the mass is 0."""
+
+        def values(key: str, entry: Any) -> Any:
+            if isinstance(entry, tuple):
+                return np.column_stack([values(key, component) for component in entry])
+            if not isinstance(entry, str):
+                return np.full(count, entry)
+            return si_column(contents, entry, key, count, self.unit if key in ("mass", "force") else None)
+
+        columns = {key: values(key, entry).tolist() for key, entry in self.set_fields().items() if key != "unit"}
+        cases = []
+        for k in range(count):
+            load = {key: column[k] for key, column in columns.items()}
+            with error_prefix(f"{contents.path}: {contents.place(k)}"):
+                cases.append([LoadSpec(**load).make()] if load.get("mass") != 0.0 else [])
+        return cases
+
+
+class StaticFileSpec(RecordFile, frozen=True, kw_only=True):
+    """A file with a case of a static test per row."""
+
+    load: Annotated[LoadColumnsSpec | tuple[LoadColumnsSpec, ...], Meta(description="of each case, or several")]
+
+    def cases(self, contents: Recording, count: int) -> list[list[PointLoad]]:
+        """Return the loads of each case."""
+        loads = self.load if isinstance(self.load, tuple) else (self.load,)
+        cases: list[list[PointLoad]] = [[] for _ in range(count)]
+        for k, load in enumerate(loads, start=1):
+            with error_prefix("load" if load is self.load else f"load: {k}"):
+                cases = [case + more for case, more in zip(cases, load.cases(contents, count), strict=True)]
+        return cases
 
 
 class FrequenciesSpec(Spec, frozen=True):
@@ -240,33 +298,53 @@ def _frequencies(file: StudyFile, table: Any, model: Model, where: str) -> Calla
 
 
 def _static(file: StudyFile, table: Any, model: Model, where: str) -> Callable[[], Record]:
-    (spec, configuration), channels = channel_groups(
-        table, where, (StaticSpec, ConfigurationSpec), (StaticValuesSpec, SensorSpec)
+    if isinstance(table, dict) and "file" in table:
+        return _static_file(file, table, model, where)
+    (spec, tests, configuration), channels = channel_groups(
+        table, where, (StaticSpec, LoadsSpec, ConfigurationSpec), (StaticValuesSpec, SensorSpec)
     )
-    cases = len(spec.loads)
+    cases = len(tests.loads)
     for (readings, _), place in channels:
-        for name, numbers in (("values", readings.values), ("std", readings.std)):
-            if isinstance(numbers, tuple) and len(numbers) != cases:
-                raise InputError(f"has {len(numbers)} values for {cases} load cases", f"{place}: {name}")
+        for name, entries in (("values", readings.values), ("std", readings.std)):
+            if isinstance(entries, tuple) and len(entries) != cases:
+                raise InputError(f"has {len(entries)} values for {cases} load cases", f"{place}: {name}")
     sensors = [sensor.make("displacement", place) for (_, sensor), place in channels]
     values = np.column_stack([readings.values for (readings, _), _ in channels])
     std = np.column_stack([np.broadcast_to(readings.std, cases) for (readings, _), _ in channels])
     beam = configuration.other_model(model, where) or model
     with error_prefix(where):
-        loads = load_cases(spec.loads)
         record = StaticRecord(
-            beam, loads, values, sensors, None if np.isnan(std).all() else std, tared=spec.tared, name=spec.name
+            beam,
+            tests.cases(),
+            values,
+            sensors,
+            None if np.isnan(std).all() else std,
+            tared=spec.tared,
+            name=spec.name,
         )
     return lambda: record
 
 
-def load_cases(loads: Sequence[LoadSpec | Sequence[LoadSpec]]) -> list[list[PointLoad]]:
-    """Return the loads of each case."""
-    cases = []
-    for k, case in enumerate(loads, start=1):
-        with error_prefix(f"loads: {k}"):
-            cases.append([load.make() for load in (case if isinstance(case, Sequence) else [case])])
-    return cases
+def _static_file(file: StudyFile, table: Any, model: Model, where: str) -> Callable[[], Record]:
+    (spec, source, configuration), channels = channel_groups(
+        table, where, (StaticSpec, StaticFileSpec, ConfigurationSpec), (StaticColumnSpec, SensorSpec)
+    )
+    sensors = [sensor.make("displacement", place) for (_, sensor), place in channels]
+    beam = configuration.other_model(model, where) or model
+
+    def read() -> StaticRecord:
+        contents = source.contents(file, where)
+        readings = []
+        for ((readings_column, _), place), sensor in zip(channels, sensors, strict=True):
+            with error_prefix(place):
+                readings.append(readings_column.values_and_std(contents, sensor))
+        values, std = (np.column_stack(columns) for columns in zip(*readings, strict=True))
+        with error_prefix(where):
+            loads = source.cases(contents, len(values))
+            known_std = None if np.isnan(std).all() else std
+            return StaticRecord(beam, loads, values, sensors, known_std, tared=spec.tared, name=spec.name)
+
+    return read
 
 
 def read_curves(name: str) -> list[ResponseRecord]:

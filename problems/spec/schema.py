@@ -32,17 +32,20 @@ ONE: Alternatives = {  # tables of the file, by the alternatives of their keys, 
     "fit": [(records.FitSpec,)],
     "plan": [(plan.PlanSpec,)],
 }  # fmt: skip
-CURVE = (record_files.SensorSpec, ConfigurationSpec)
+OF_SENSOR = (record_files.SensorSpec, ConfigurationSpec)
 CANDIDATE = (plan.CandidateSpec, ConfigurationSpec)
 PLANNED = (plan.PlannedChannelSpec, record_files.SensorSpec)
 SEVERAL: Alternatives = {  # tables of which the file may have several
     "records": [(records.MotionSpec, ConfigurationSpec, record_files.ChannelSpec, record_files.SensorSpec)],
-    "curves": [(records.CurveSpec, kind, *CURVE) for kind in (record_files.CurveFileSpec, records.CurveValuesSpec)],
-    "statics": [(records.StaticSpec, records.StaticValuesSpec, record_files.SensorSpec, ConfigurationSpec)],
+    "curves": [(records.CurveSpec, kind, *OF_SENSOR) for kind in (record_files.CurveFileSpec, records.CurveValuesSpec)],
+    "statics": [
+        (records.StaticSpec, records.LoadsSpec, records.StaticValuesSpec, *OF_SENSOR),
+        (records.StaticSpec, records.StaticFileSpec, record_files.StaticColumnSpec, *OF_SENSOR),
+    ],
     "frequencies": [(records.FrequenciesSpec, ConfigurationSpec)],
     "candidates": [
         (plan.PlannedMotionSpec, *CANDIDATE, *PLANNED),
-        (records.StaticTestSpec, *CANDIDATE, *PLANNED),
+        (records.StaticTestSpec, records.LoadsSpec, *CANDIDATE, *PLANNED),
         (plan.PlannedFrequenciesSpec, *CANDIDATE),
         (plan.PlannedCurveSpec, *CANDIDATE, record_files.SensorSpec),
     ],

@@ -2,6 +2,7 @@
 
 import json
 import math
+import re
 import runpy
 
 import numpy as np
@@ -17,8 +18,10 @@ from ancf_casadi import (
     PointMass,
     QuadraticDamping,
     RayleighDamping,
+    Section,
     Spring,
     natural_modes,
+    simulate,
     static_equilibrium,
 )
 from ancf_casadi.export import write_exudyn, write_mujoco, write_newton, write_pyelastica
@@ -173,6 +176,30 @@ def test_mujoco_decays_like_the_beam(paper_beam, tmp_path, case):
         assert fit.damping_ratio == pytest.approx(found.damping_ratios[0], rel=0.03)
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("amplitude", [0.01, 0.1])
+def test_quadratic_drag_in_mujoco_is_that_of_the_beam(paper_beam, tmp_path, amplitude):
+    """The decays of MuJoCo and of ``simulate`` have the same coefficients to 1 %, with a tip amplitude to 20 % of L."""
+    mujoco = pytest.importorskip("mujoco")
+    model, law = Model(paper_beam()), QuadraticDamping(eta1=0.1, eta2=0.2)
+    found = write_mujoco(model, tmp_path / "beam.xml", damping=law, amplitude=amplitude)
+    assert found.reached_damping_ratios == pytest.approx(found.damping_ratios, rel=0.05)
+    there = mujoco.MjModel.from_xml_path(str(tmp_path / "beam.xml"))
+    data, motion = mujoco.MjData(there), []
+    mujoco.mj_resetDataKeyframe(there, data, 1)
+    duration = 8 / found.frequencies[0]
+    for _ in range(round(duration / found.step)):
+        mujoco.mj_step(there, data)
+        motion.append(data.sensor("tip").data[0])
+    in_mujoco = fit_decay(found.step * np.arange(1, 1 + len(motion))[::10], motion[::10], law="quadratic")
+    start = natural_modes(model, count=1).state(1, amplitude)
+    run = simulate(model, damping=law, start=start, duration=duration, sample_rate=200.0)
+    here = fit_decay(run.time, run.tip[:, 0], law="quadratic")
+    for name in ("eta1", "eta2"):
+        assert in_mujoco.estimates[name] == pytest.approx(here.estimates[name], rel=0.01)
+    assert in_mujoco.estimates["eta2"] == pytest.approx(0.2, rel=0.05)
+
+
 def along(motion, rest):
     """Return the component of a motion of the tip in its own direction."""
     motion = motion - rest
@@ -198,6 +225,116 @@ def test_a_script_at_the_advised_settings_vibrates_and_decays_like_the_beam(pape
     assert frequencies == pytest.approx(found.reached_frequencies, rel=2e-3)
     assert fits[0].damping_ratio == pytest.approx(found.damping_ratios[0], rel=0.03)
     assert fits[0].damping_ratio == pytest.approx(found.reached_damping_ratios[0], rel=5e-3)
+
+
+CABLE = {"axis": (1.0, 0.0), "natural_curvature": 1.0}
+
+
+def test_a_curve_for_newton_is_the_chain_of_the_report(paper_beam, tmp_path, bending_stiffness):
+    """Equal segments, the clamp in the middle of the first; mass, stiffness, and the ratio with that of the steps."""
+    model = Model(paper_beam(**CABLE))
+    found = write_newton(model, tmp_path / "cable.usda", damping=RayleighDamping(beta=2e-3))
+    text = (tmp_path / "cable.usda").read_text()
+    assert text.startswith("#usda 1.0\n")
+
+    def values(name):
+        return np.array([float(x) for x in re.findall(r"[-+.\de]+", re.search(rf" {name} = (.*)", text)[1])])
+
+    points, unloaded = (values(name).reshape(-1, 3)[:, [0, 2]] for name in ("points", "physics:restShapePoints"))
+    length = 0.5 / (found.segments + 0.5)
+    for ends in (points, unloaded):
+        assert len(ends) == found.segments + 2 and ends[:2] == pytest.approx(length * np.array([[-0.5, 0], [0.5, 0]]))
+        assert np.linalg.norm(np.diff(ends, axis=0), axis=1) == pytest.approx(length, rel=1e-6)
+    assert points[-1] == pytest.approx(static_equilibrium(model).tip, abs=1e-3)
+    turns = np.diff(np.unwrap(np.arctan2(*np.diff(unloaded, axis=0).T[::-1])))
+    assert turns == pytest.approx(length * 1.0, rel=1e-6)
+    area = math.pi * values("physics:thicknesses") ** 2 / 4
+    assert values("physics:density") * area * 0.5 == pytest.approx(model.beam.mass)
+    bending = bending_stiffness(model.beam)
+    assert values("float physics:curvesBendStiffness") == pytest.approx(bending)
+    by_steps = math.pi * found.frequencies[0] * found.step
+    assert found.reached_damping_ratios[0] == pytest.approx(found.damping_ratios[0], rel=0.01)
+    of_curve = values("float newton:curvesBendDamping") / bending * math.pi * found.frequencies[0]
+    assert of_curve + by_steps == pytest.approx(found.damping_ratios[0], rel=0.02)
+    assert found.reached_frequencies == pytest.approx(found.frequencies, rel=0.01)
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"tip_mass": 1e-3}, "rigid clamp and without attachments"),
+        ({"clamp_stiffness": 0.2}, "rigid clamp"),
+        ({"supports": (Pin(0.0),)}, "rigid clamp"),
+        ({"width": [5e-3, 5e-3, 4e-3, 4e-3]}, "same section"),
+        ({"rotary_sections": True}, "no rotary inertia"),
+    ],
+)
+def test_beams_that_are_no_curve_are_refused(paper_beam, tmp_path, changes, message):
+    with pytest.raises(InputError, match=message):
+        write_newton(Model(paper_beam(elements=4, **changes)), tmp_path / "cable.usda")
+
+
+def test_segments_of_a_thin_curve_keep_the_inertia_that_newton_would_correct(tmp_path):
+    """Newton adds 1e-6 kg m^2 to a segment whose inertia m d^2/8 about its axis is below 1e-10 kg m^2."""
+    beam = Beam.uniform(length=0.3, section=Section.circle(0.5e-3), density=1500.0, elastic_modulus=2e9, elements=6)
+    found = write_newton(Model(beam), tmp_path / "cable.usda")
+    diameter = float(re.search(r"thicknesses = \[(.*)\]", (tmp_path / "cable.usda").read_text())[1])
+    assert beam.mass / (found.segments + 0.5) * diameter**2 / 8 > 1e-10
+
+
+def test_the_usd_library_reads_the_curve_and_its_material(paper_beam, tmp_path, bending_stiffness):
+    pytest.importorskip("pxr")
+    from pxr import Usd, UsdGeom, UsdShade
+
+    model = Model(paper_beam(**CABLE))
+    found = write_newton(model, tmp_path / "cable.usda", damping=RayleighDamping(beta=2e-3))
+
+    stage = Usd.Stage.CreateInMemory()  # as IsaacLab does
+    stage.DefinePrim("/World/Cable").GetReferences().AddReference(str(tmp_path / "cable.usda"))
+    curve = stage.GetPrimAtPath("/World/Cable/Curve")
+    assert "PhysicsCurvesDeformableSimAPI" in curve.GetPrimTypeInfo().GetAppliedAPISchemas()
+    points = UsdGeom.BasisCurves(curve).GetPointsAttr().Get()
+    assert list(UsdGeom.BasisCurves(curve).GetCurveVertexCountsAttr().Get()) == [len(points)] == [found.segments + 2]
+    material, _ = UsdShade.MaterialBindingAPI(curve).ComputeBoundMaterial("physics")
+    assert material.GetPath() == "/World/Cable/Material"
+    schemas = material.GetPrim().GetPrimTypeInfo().GetAppliedAPISchemas()
+    assert {"PhysicsCurvesDeformableMaterialAPI", "NewtonCurvesDeformableMaterialAPI"} <= set(schemas)
+    stiffness = material.GetPrim().GetAttribute("physics:curvesBendStiffness").Get()
+    assert stiffness == pytest.approx(bending_stiffness(model.beam), rel=1e-6)
+    assert material.GetPrim().GetAttribute("newton:curvesBendDamping").Get() > 1e-3 * stiffness
+    clamp = stage.GetPrimAtPath("/World/Cable/Clamp")
+    assert clamp.GetRelationship("physics:src0").GetTargets() == [curve.GetPath()]
+    assert UsdGeom.GetStageMetersPerUnit(Usd.Stage.Open(str(tmp_path / "cable.usda"))) == 1.0
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("default")
+def test_a_curve_swings_in_newton_as_the_report_says(paper_beam, tmp_path):
+    newton = pytest.importorskip("newton")
+    pytest.importorskip("pxr")
+    model = Model(paper_beam())  # hanging
+    found = write_newton(model, tmp_path / "cable.usda", damping=RayleighDamping(beta=2e-3))
+    builder = newton.ModelBuilder()
+    builder.add_usd(str(tmp_path / "cable.usda"))
+    builder.color()
+    cable = builder.finalize(device="cpu")
+    assert cable.body_mass.numpy()[1:].sum() == pytest.approx(model.beam.mass / (1 + 0.5 / found.segments), rel=1e-5)
+    solver = newton.solvers.SolverVBD(cable, iterations=20)
+    state, after, control = cable.state(), cable.state(), cable.control()
+    places = state.body_q.numpy()
+    speeds, along = np.zeros((len(places), 6)), np.maximum(-places[:, 2] / 0.5, 0.0)
+    speeds[:, 0], speeds[:, 4] = 0.1 * along**2 * (3 - along) / 2, -0.1 * (6 * along - 3 * along**2) / 2 / 0.5
+    speeds[0] = 0.0
+    state.body_qd.assign(speeds.astype(np.float32))
+    samples = []
+    for _ in range(round(3 / found.frequencies[0] / found.step)):
+        state.clear_forces()
+        solver.step(state, after, control, None, found.step)
+        state, after = after, state
+        samples.append(float(state.body_q.numpy()[-1, 0]))
+    fit = fit_decay(found.step * np.arange(1, 1 + len(samples))[::20], np.array(samples)[::20])
+    assert fit.frequency == pytest.approx(found.reached_frequencies[0], rel=3e-3)
+    assert fit.damping_ratio == pytest.approx(found.damping_ratios[0], rel=0.03)
 
 
 @pytest.mark.slow

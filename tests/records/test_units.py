@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from ancf_casadi.exceptions import InputError
-from ancf_casadi.records.units import known_unit, names_time, parse_unit, unit_in_name
+from ancf_casadi.records.units import known_unit, mass_factor, names_time, parse_unit, unit_in_name
 
 
 @pytest.mark.parametrize(
@@ -125,3 +125,12 @@ def test_an_argument_may_scale_a_unit():
     for text in ("0 mm", "mm 3", "1e400 m", 3, "3"):
         with pytest.raises(InputError, match=r"unit: .* is not a known unit; write for example mm"):
             known_unit(text, "unit")
+
+
+def test_the_g_of_a_mass_is_a_gram():
+    masses = {"kg": 1.0, "g": 1e-3, "mg": 1e-6, "µg": 1e-9, "0.5 g": 5e-4, "20 kg": 20.0}
+    for text, factor in masses.items():
+        assert mass_factor(known_unit(text, "unit")) == pytest.approx(factor), text
+    for text in ("mm", "m/s^2", "g0", "N"):
+        with pytest.raises(InputError, match="not of mass"):
+            mass_factor(known_unit(text, "unit"))

@@ -12,13 +12,26 @@ iterations, the frequency is too low by more than 10 %, and the steps add a damp
 both errors.
 Newton computes in single precision.
 
+IsaacLab reads a cable as a USD curve, whose segments Newton joins by rod joints for its solver VBD.  A joint has the
+stiffness of half a segment on each side, so the first segment is fixed with its middle at the clamp: then each joint
+represents one segment of the beam.  A converged step is one of implicit Euler,
+
+    (M + h D + h^2 K) v' = M v - h K q,    q' = q + h v',
+
+which adds a damping ratio of about omega h/2; the bend damping provides the remainder of the ratio of mode 1.  VBD
+converges in 20 iterations only if stretch and shear are soft; a shear stiffness S lowers the frequency of mode k by
+about sqrt(E I m) omega_k/(2 S), with the mass per length m.
+
 References
 ----------
-Newton documentation: solvers, joints, conventions.
+Newton documentation: solvers, joints, conventions; newton_usd_schemas 0.6, NewtonCurvesDeformableMaterialAPI; AOUSD
+proposal of deformable bodies, PhysicsCurvesDeformableMaterialAPI.
 """
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
@@ -26,10 +39,17 @@ from pathlib import Path
 import numpy as np
 
 from ancf_casadi.damping import DampingLaw
+from ancf_casadi.exceptions import InputError
 from ancf_casadi.export.simulators.segments import SegmentedBeam, SmallMotion
-from ancf_casadi.export.simulators.settings import ExportedBeam, SimulatorBeam, write_segments
+from ancf_casadi.export.simulators.settings import STEPS, ExportedBeam, SimulatorBeam, write_segments
+from ancf_casadi.mechanics.beam import Beam
 from ancf_casadi.mechanics.model import Model
+from ancf_casadi.mechanics.supports import Clamp
 from ancf_casadi.support.arrays import Array
+from ancf_casadi.support.files import check_file
+
+MIN_AXIAL_INERTIA = 1.2e-10  # of a segment, kg m^2; Newton corrects those below 1e-10
+LARGEST_STEP = 3.0  # h^2 S/(m l) of a step that 20 iterations of VBD solve; 10 leave an error of 1.2 % in frequency
 
 
 class LinkedBeam(SimulatorBeam):
@@ -75,6 +95,132 @@ class LinkedBeam(SimulatorBeam):
         return self.small_motion.damping(at_links, self.coefficients.beta * self.beam.stiffness)
 
 
+class Cable(SimulatorBeam):
+    """A USD curve in Newton, the segments of which are those of the beam but for a fixed half."""
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """Sentences on what the curve cannot represent."""
+        beta, softening = self.beta(self.step), self.stretch_stiffness / self._beam.axial_stiffness[0]
+        by_step = self._step_ratio(self.step)
+        return (
+            f"a bend damping of {beta:.4g} s times E I and the implicit steps, which alone give mode 1 a damping ratio "
+            f"of {by_step:.2g}, together {'meet' if beta else 'exceed'} that of mode 1 at a tip amplitude of "
+            f"{self.request.amplitude:.4g} m; ratios of higher modes are proportional to frequency",
+            f"stretch and shear have {softening:.2g} times the stiffness E A, for 20 iterations of VBD to converge",
+        )
+
+    @property
+    def _beam(self) -> Beam:
+        return self.request.modes.model.beam
+
+    def _step_ratio(self, step: float) -> float:
+        return float(self.modes[0][0] * step / 2)
+
+    @cached_property
+    def chain(self) -> SegmentedBeam:
+        """The segments that move, whose first joint is half a segment behind the clamp."""
+        beam, count = self._beam, self.beam.count
+        (support,) = beam.supports
+        curvature = beam.natural_curvature or (0.0,)
+        if not isinstance(support, Clamp) or math.isfinite(support.stiffness) or beam.attachments:
+            raise InputError("a curve of Newton is a beam with a rigid clamp and without attachments", "model")
+        if beam.rotary_sections:
+            raise InputError("a curve of Newton has no rotary inertia of sections", "model")
+        if any(np.ptp(values) > 0.0 for values in (beam.bending_stiffness, beam.mass_per_length, curvature)):
+            raise InputError("a curve of Newton has the same section and natural curvature everywhere", "model")
+        length = beam.length / (count + 0.5)
+        masses = np.full(count, beam.mass_per_length[0] * length)
+        x, y = self.beam.origin
+        return replace(
+            self.beam,
+            origin=(x + length / 2 * math.cos(self.beam.axis), y + length / 2 * math.sin(self.beam.axis)),
+            length=length,
+            masses=masses,
+            centres=np.full(count, length / 2),
+            inertias=masses * length**2 / 12,
+            stiffness=np.full(count, self.bending_stiffness / length),
+            natural_angles=np.full(count, curvature[0] * length),
+        )
+
+    @cached_property
+    def small_motion(self) -> SmallMotion:
+        """Small motion about the equilibrium."""
+        return self.chain.small_motion()
+
+    @property
+    def bending_stiffness(self) -> float:
+        """E I, N m^2."""
+        return float(self._beam.bending_stiffness[0])
+
+    @property
+    def stretch_stiffness(self) -> float:
+        """Stretch and shear stiffness, N: at most E A; shear changes mode 3 by half the tolerance."""
+        wave: float = math.sqrt(self.bending_stiffness * self._beam.mass_per_length[0]) * self.modes[0][-1]
+        return min(float(self._beam.axial_stiffness[0]), wave / self.request.tolerance)
+
+    @property
+    def step(self) -> float:
+        """The longest step for which the iterations converge, s; in single precision, shorter ones add noise."""
+        longest = math.sqrt(LARGEST_STEP * self.chain.masses[0] * self.chain.length / self.stretch_stiffness)
+        return next((step for step in STEPS if step <= longest), STEPS[-1])
+
+    @property
+    def diameter(self) -> float:
+        """Diameter that the curve has in Newton, m."""
+        mass = float(self.chain.masses[0])
+        area = self.beam.widths[0] * self.beam.thicknesses[0]
+        round_diameter = self.beam.diameters[0] or math.sqrt(4 * area / math.pi)
+        return max(float(round_diameter), math.sqrt(8 * MIN_AXIAL_INERTIA / mass))
+
+    @property
+    def density(self) -> float:
+        """Density with which the curve has the mass of the beam, kg/m^3."""
+        return float(self.chain.masses[0] / self.chain.length / (math.pi * self.diameter**2 / 4))
+
+    @property
+    def gravity(self) -> tuple[float, float, float]:
+        """Direction of gravity and its size, m/s^2."""
+        x, y = self.beam.gravity
+        size = math.hypot(x, y)
+        return (x / size, y / size, size) if size else (0.0, -1.0, 0.0)
+
+    @property
+    def equilibrium_points(self) -> Sequence[tuple[float, float]]:
+        """Positions of the ends of all segments at rest."""
+        return self._points(self.small_motion.equilibrium)
+
+    @property
+    def unloaded_points(self) -> Sequence[tuple[float, float]]:
+        """Positions of these without load."""
+        return self._points(self.chain.unloaded_angles)
+
+    def _points(self, angles: Array) -> Sequence[tuple[float, float]]:
+        turned = np.array([self.beam.axis, *angles])
+        steps = self.chain.length * np.column_stack([np.cos(turned), np.sin(turned)])
+        start = np.array(self.chain.origin) - steps[0]
+        return [tuple(point) for point in np.vstack([start, start + np.cumsum(steps, axis=0)]).tolist()]
+
+    def beta(self, step: float) -> float:
+        """Return bend damping per stiffness, s, which meets the damping ratio of mode 1 with that of a step."""
+        missing = max(float(self.request.ratios[0]) - self._step_ratio(step), 0.0)
+        return missing / self.small_motion.ratio(self._bend_damping(1.0), 0)
+
+    def _bend_damping(self, beta: float) -> Array:
+        return self.small_motion.damping(np.zeros(3 * self.beam.count), beta * self.chain.stiffness)
+
+    def damping(self, mode: int) -> Array:
+        """Return the damping matrix of the joints, without that of a step."""
+        return self._bend_damping(self.beta(0.0))
+
+    def transition_matrix(self, mode: int, step: float) -> Array:
+        """Return the matrix of one implicit Euler step."""
+        M, K, eye = self.small_motion.mass, self.small_motion.stiffness, np.eye(self.beam.count)
+        inverse = np.linalg.inv(M + step * self._bend_damping(self.beta(step)) + step**2 * K)
+        velocity = np.hstack([-step * inverse @ K, inverse @ M])
+        return np.vstack([np.hstack([eye, 0.0 * eye]) + step * velocity, velocity])
+
+
 def write_newton(
     model: Model,
     path: str | Path,
@@ -86,19 +232,21 @@ def write_newton(
 ) -> ExportedBeam:
     """Write a beam as a script of Newton: links with hinges in the plane of x and y, released in mode 1.
 
-    The script needs Newton alone.  Its function ``run`` returns time and position of the tip.
+    The script needs Newton alone.  Its function ``run`` returns time and position of the tip.  If the path ends with
+    ``.usda``, it becomes a USD curve at rest in the plane of x and z, a cable for IsaacLab.
 
     Parameters
     ----------
     model, damping, segments, tolerance, amplitude
         See ``write_mujoco``.
     path : str or Path
-        File to write, usually named ``.py``; an earlier one of this function is replaced.
+        File to write, named ``.usda``, or else usually ``.py``; an earlier one of this function is replaced.
 
     Raises
     ------
     InputError, EquilibriumError
-        See ``write_mujoco``.
+        See ``write_mujoco``; and if a beam with attachments, another support than a rigid clamp, or different sections
+        is to become a curve.
 
     Examples
     --------
@@ -110,4 +258,6 @@ def write_newton(
     >>> found.segments
     12
     """
-    return write_segments(LinkedBeam, "newton.py.jinja", model, path, damping, segments, tolerance, amplitude)
+    is_curve = check_file(path).suffix.lower() == ".usda"
+    kind, template = (Cable, "newton.usda.jinja") if is_curve else (LinkedBeam, "newton.py.jinja")
+    return write_segments(kind, template, model, path, damping, segments, tolerance, amplitude)

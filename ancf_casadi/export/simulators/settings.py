@@ -261,6 +261,11 @@ class SimulatorBeam(ABC):
         """Sentences on what the program cannot represent."""
         return self.coefficients.warnings
 
+    @property
+    def step(self) -> float | None:
+        """Step that the program needs, s; None for the longest within the tolerance."""
+        return None
+
     def speeds(self, mode: int) -> Array:
         """Return the speed amplitudes (p, 3) of the masses in a mode, times 8/(3 pi).
 
@@ -331,7 +336,7 @@ def write_segments(kind: type[SimulatorBeam], template: str, *request_arguments:
         count = min(MAX_SEGMENTS, max(count + 1, int(0.9 * count * (error / segment_tolerance) ** (1 / 3))))
     ratio = program.small_motion.ratio(program.damping(0), 0)
     coefficients = replace(coefficients, warnings=program.warnings)
-    templated = {"program": program, "beam": program.beam}
+    templated: dict[str, Any] = {"step": program.step, "program": program, "beam": program.beam}
     return write_with_longest_step(
         request, coefficients, count, frequencies, ratio, program.transition_matrix, **templated
     )
@@ -344,19 +349,23 @@ def write_with_longest_step(
     frequencies: Array,
     ratio: float,
     transition_matrix: Callable[[int, float], Array],
+    step: float | None = None,
     **template_values: Any,
 ) -> ExportedBeam:
-    """Write a beam with the longest step that meets the tolerance.
+    """Write a beam with a step, or else with the longest that meets the tolerance.
 
     ``frequencies``, Hz, and the damping ratio of mode 1, ``ratio``, are those of the beam in the program, continuous in
     time.  ``transition_matrix`` is that of ``SimulatorBeam``, and the template uses ``template_values``.
     """
-    for step in STEPS:
-        reached = _simulated_modes(request, frequencies, ratio, transition_matrix, step)
-        if reached is not None:
+    steps = STEPS if step is None else (step,)
+    for step in steps:
+        reached = _step_modes(transition_matrix, step)
+        if reached and (
+            len(steps) == 1 or _meets_tolerance(request, frequencies, ratio, transition_matrix, step, reached)
+        ):
             break
     else:
-        raise InputError(f"no step down to {STEPS[-1]:g} s keeps the frequencies; allow for more", "tolerance")
+        raise InputError(f"no step down to {steps[-1]:g} s keeps the frequencies; allow for more", "tolerance")
     exported = ExportedBeam(
         format=request.template.partition(".")[0],
         segments=segments,
@@ -372,24 +381,31 @@ def write_with_longest_step(
     return exported
 
 
-def _simulated_modes(
+def _step_modes(transition_matrix: Callable[[int, float], Array], step: float) -> tuple[Array, Array] | None:
+    """Return frequencies and damping ratios under a step; None if a mode does not oscillate."""
+    mode_poles = [poles(transition_matrix(k, step), step, COMPARED_MODES)[:2] for k in range(COMPARED_MODES)]
+    if any(len(pole_frequencies) < COMPARED_MODES for pole_frequencies, _ in mode_poles):
+        return None
+    reached, ratios = np.array([[column[k] for column in columns] for k, columns in enumerate(mode_poles)]).T
+    return reached, ratios
+
+
+def _meets_tolerance(
     request: ExportRequest,
     frequencies: Array,
     ratio: float,
     transition_matrix: Callable[[int, float], Array],
     step: float,
-) -> tuple[Array, Array] | None:
-    """Return frequencies and damping ratios under a step; None if it is unstable or changes them too much."""
-    if not poles(transition_matrix(0, STABILITY_MARGIN * step), STABILITY_MARGIN * step, COMPARED_MODES)[2]:
-        return None
-    mode_poles = [poles(transition_matrix(k, step), step, COMPARED_MODES)[:2] for k in range(COMPARED_MODES)]
-    if any(len(pole_frequencies) < COMPARED_MODES for pole_frequencies, _ in mode_poles):
-        return None
-    reached, ratios = np.array([[column[k] for column in columns] for k, columns in enumerate(mode_poles)]).T
-    if np.abs(reached / frequencies - 1.0).max() > (1.0 - SEGMENT_SHARE) * request.tolerance:
-        return None
+    reached: tuple[Array, Array],
+) -> bool:
+    """Return whether a step is stable with a margin, and changes frequencies and the first damping ratio little."""
+    longer = STABILITY_MARGIN * step
     ratio_tolerance = RATIO_TOLERANCES * request.tolerance * max(ratio, MIN_RATIO)
-    return None if abs(ratios[0] - ratio) > ratio_tolerance else (reached, ratios)
+    return (
+        poles(transition_matrix(0, longer), longer, COMPARED_MODES)[2]
+        and bool(np.abs(reached[0] / frequencies - 1.0).max() <= (1.0 - SEGMENT_SHARE) * request.tolerance)
+        and bool(abs(reached[1][0] - ratio) <= ratio_tolerance)
+    )
 
 
 def _fill_template(template: str, exported: ExportedBeam, **template_values: Any) -> str:

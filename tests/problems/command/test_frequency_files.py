@@ -129,8 +129,11 @@ class TestHits:
         ("options", "message"),
         [
             (["--force", "2"], "--response: is needed beside --force"),
-            (["--response", "3"], "--response: belongs to records over time; give --force as well"),
-            (["--force", "2", "--response", "3", "--phase", "3"], "--phase: belongs to values over frequency"),
+            (["--response", "3"], "--response: belongs to records over time; it does not go with functions over fre"),
+            (
+                ["--force", "2", "--response", "3", "--phase", "3"],
+                "--force: reads records over time; it does not go with --phase",
+            ),
             (["--force", "2", "--response", "3", "--unit", "g"], "--unit: must be units of response and force"),
             (["--force", "2", "--response", "9"], "there is no such column"),
             (["--force", "2", "--response", "3", "--window", "hann"], "window: belongs to a shaker"),

@@ -137,6 +137,7 @@ def test_unusable_amplitudes_are_refused(arguments, message):
     [
         ({"quantity": "amplitude", "law": "smooth"}, "law: "),
         ({"quantity": "amplitude", "rest": "drift"}, "rest: does not go with amplitudes"),
+        ({"quantity": "amplitude", "ratio_bounds": (0.0, 0.1)}, "ratio_bounds: does not go with amplitudes"),
         ({"quantity": "amplitude", "frequency": -1.0}, "frequency: "),
         ({"frequency": 2.0}, "frequency: belongs to quantity='amplitude'"),
         ({"quantity": "envelope"}, "quantity: "),

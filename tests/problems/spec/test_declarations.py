@@ -30,6 +30,7 @@ SAME: list[tuple[Any, Any, set[str]]] = [  # a declaration, what its keys are ar
     (records.CurveValuesSpec, ResponseRecord, set()),
     (record_files.CurveFileSpec, ResponseRecord.from_file, {"imaginary", *record_files.RecordFile.__struct_fields__}),
     (records.StaticSpec, StaticRecord, {"channels"}),
+    (records.LoadsSpec, StaticRecord, set()),
     (records.FrequenciesSpec, FrequencyRecord, set()),
     (records.FitSpec, fit_beam, {"laws"}),
     (plan.PlannedMotionSpec, PlannedRecord.motion, {"channels", "base", "load", "release", "start", "release_time"}),
@@ -57,6 +58,7 @@ def test_keys_are_arguments_with_the_same_defaults(declared, function, others):
     ("declared", "made", "others"),
     [
         (records.LoadSpec, PointLoad, set()),
+        (records.LoadColumnsSpec, PointLoad, set()),
         (motion.LoadValues, SampledLoad, set()),
         (record_files.SensorSpec, Sensor, {"quantity", "signal_unit"}),
         (record_files.ChannelSpec, Channel, {"measurement"}),

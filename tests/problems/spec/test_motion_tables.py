@@ -247,6 +247,63 @@ class TestRecords:
         assert record.measured.tolist() == [0.02, 0.1, 0.03, 0.2, 0.3]
         assert record.stds.tolist() == [1e-4, 1e-3, 1e-4, 2e-3, 3e-3]
 
+    def test_cases_of_a_static_test_in_a_file(self, file, tmp_path):
+        """Masses in g at varying points, sags in mm, one of them missing; the first row has no mass."""
+        rows = "mass_g,at (mm),push_mN,sag (mm),std (mm),turn (rad)\n"
+        rows += "0,400,0,0.0,0.1,0.0\n1,400,2,20,0.1,0.1\n2,500,3,,0.2,0.2\n"
+        (tmp_path / "sag.csv").write_text(rows)
+        text = """
+            [[statics]]
+            file = "sag.csv"
+            load = [{mass = "mass_g", point = "at (mm)"}, {force = [0.0, "push_mN"], point = 0.25}]
+            axis = [1.0, 0.0]
+            direction = [0.0, -1.0]
+            channels = [{column = "sag (mm)", std = "std (mm)"}, {sensor = "slope", column = 6, std = 1e-3}]
+            """
+        (record,) = Measurements.of(file(BEAM, text)).records
+        assert record.cases == (
+            (PointLoad((0.0, 0.0), point=0.25),),
+            (PointLoad.hung(1e-3, point=0.4), PointLoad((0.0, 2e-3), point=0.25)),
+            (PointLoad.hung(2e-3, point=0.5), PointLoad((0.0, 3e-3), point=0.25)),
+        )
+        assert record.columns == (Sensor("displacement", direction=(0.0, -1.0)),
+                                  Sensor("slope", direction=(0.0, -1.0)))  # fmt: skip
+        assert record.measured.tolist() == [0.0, 0.0, 0.02, 0.1, 0.2]
+        assert record.stds.tolist() == [1e-4, 1e-3, 1e-4, 1e-3, 1e-3]
+
+    @pytest.mark.parametrize(
+        ("rows", "keys", "what"),
+        [
+            ("mass_g,x_mm\n1,2\n", "load = 3", r"\[statics\]: load: must be a table or a list"),
+            ("mass_g,x_mm\n1,2\n", "load = {mass = true}", r"\[statics\]: load: mass: must be a number or a text"),
+            ("mass_g,x_mm\n1,2\n", "loads = [{mass = 1}]", r"\[statics\]: unknown key 'loads'"),
+            ("mass_g,x_mm\n1,2\n", "", r"\[statics\]: the key 'load' is missing"),
+            ("mass_g,x_mm\n1,2\n", "load = {mass = 'm'}", r"\[statics\]: load: mass: \S*sag.csv: .*no such column"),
+            ("mass,x_mm\n1,2\n", "load = {mass = 'mass'}", r"load: mass: \S*sag.csv: column 1 'mass': has no unit"),
+            ("m_mm,x_mm\n1,2\n", "load = {mass = 'm_mm'}", r"column 1 'm_mm': is in mm, a unit of length, not of mass"),
+            ("p_g,x_mm\n1,2\n", "load = {force = [0, 'p_g']}", r"load: force: \S*sag.csv: column 1 'p_g': is in g"),
+            (
+                "mass_g,x_mm\n1,2\n\n,3\n",
+                "load = [{mass = 'mass_g'}]",
+                r"\[statics\]: load: 1: mass: \S*sag.csv: column 1 'mass_g': line 4: has no number",
+            ),
+            (
+                "mass_g,x_mm\n1,2\n-1,3\n",
+                "load = {mass = 'mass_g'}",
+                r"\[statics\]: load: \S*sag.csv: line 3: mass: must be",
+            ),
+            (
+                "mass_g,x\n1,2\n",
+                "load = {mass = 'mass_g'}",
+                r"\[statics\]: column: \S*sag.csv: column 2 'x': has no unit",
+            ),
+        ],
+    )
+    def test_unusable_static_files(self, file, tmp_path, rows, keys, what):
+        (tmp_path / "sag.csv").write_text(rows)
+        with pytest.raises(InputError, match=what):
+            Measurements.of(file(BEAM, f"[[statics]]\nfile = 'sag.csv'\ncolumn = 2\n{keys}\n")).read()
+
     def test_a_response_curve(self, file):
         text = """
             [[curves]]

@@ -43,7 +43,8 @@ from ancf_casadi.damping import DampingLaw
 from ancf_casadi.damping.law import SumOfLaws
 from ancf_casadi.estimation.block import Block
 from ancf_casadi.estimation.comparison import LawComparison
-from ancf_casadi.estimation.solve import FitProblem, solve
+from ancf_casadi.estimation.problem import FitProblem
+from ancf_casadi.estimation.solve import solve
 from ancf_casadi.estimation.solver.unknown import Priors
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.mesh_limits import bends_allowed

@@ -44,7 +44,8 @@ from ancf_casadi.decay.first_guess import first_guess
 from ancf_casadi.dynamics.base_motion import BaseMotion, FixedBase
 from ancf_casadi.dynamics.start import LOAD_NAMES, START_LOAD_NAMES
 from ancf_casadi.dynamics.tip_load import TipLoad
-from ancf_casadi.estimation.solve import FitProblem, solve
+from ancf_casadi.estimation.problem import FitProblem
+from ancf_casadi.estimation.solve import solve
 from ancf_casadi.estimation.solver.unknown import Priors, Unknown, with_prior
 from ancf_casadi.exceptions import AncfError, InputError
 from ancf_casadi.mechanics.model import Model

@@ -32,8 +32,9 @@ from ancf_casadi.estimation.fit import Quantities
 from ancf_casadi.estimation.intervals import derived_intervals
 from ancf_casadi.estimation.noise.proportional import proportional_variance
 from ancf_casadi.estimation.prediction import TIME_AXIS, PredictedChannel, RecordPrediction
+from ancf_casadi.estimation.problem import FitProblem
 from ancf_casadi.estimation.result import BlocksResult
-from ancf_casadi.estimation.solve import FitProblem, solve
+from ancf_casadi.estimation.solve import solve
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.support.arrays import Array

@@ -27,7 +27,8 @@ from ancf_casadi.decay.rest_position import Rest
 from ancf_casadi.estimation.comparison import LawComparison
 from ancf_casadi.estimation.criteria import Expectation, expectation
 from ancf_casadi.estimation.fit import Fit
-from ancf_casadi.estimation.solve import FitProblem, fitted_once
+from ancf_casadi.estimation.problem import FitProblem
+from ancf_casadi.estimation.solve import fitted_once
 from ancf_casadi.estimation.solver.unknown import with_guesses
 from ancf_casadi.exceptions import FitError, InputError
 from ancf_casadi.records.measurement import Measurement

@@ -20,7 +20,8 @@ import numpy as np
 from ancf_casadi.decay.rest_position import REST_TERMS
 from ancf_casadi.estimation.fit import Fit
 from ancf_casadi.estimation.prediction import TIME_AXIS, PredictedChannel, RecordPrediction
-from ancf_casadi.estimation.solve import FitProblem, fitted_once
+from ancf_casadi.estimation.problem import FitProblem
+from ancf_casadi.estimation.solve import fitted_once
 from ancf_casadi.estimation.solver.unknown import Unknown
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.records.measurement import Measurement

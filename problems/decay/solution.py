@@ -23,7 +23,8 @@ from ancf_casadi.decay.phase import FrequencyLaw
 from ancf_casadi.decay.smooth import MIDDLE, SMOOTH_DAMPING, SMOOTH_FREQUENCY, smooth_nodes
 from ancf_casadi.estimation.agreement import DISAGREE
 from ancf_casadi.estimation.fit import Fit
-from ancf_casadi.estimation.solve import FitProblem, FitSolution, fitted_once, solve
+from ancf_casadi.estimation.problem import FitProblem
+from ancf_casadi.estimation.solve import FitSolution, fitted_once, solve
 from ancf_casadi.estimation.solver.unknown import Priors, Unknown, with_guesses
 from ancf_casadi.exceptions import FitError
 from ancf_casadi.records.measurement import Measurement

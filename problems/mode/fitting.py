@@ -26,7 +26,8 @@ from ancf_casadi.decay.phase import FrequencyLaw
 from ancf_casadi.decay.rest_position import Rest
 from ancf_casadi.decay.smooth import AMPLITUDE_SPAN
 from ancf_casadi.estimation.block import Block
-from ancf_casadi.estimation.solve import FitProblem, solve
+from ancf_casadi.estimation.problem import FitProblem
+from ancf_casadi.estimation.solve import solve
 from ancf_casadi.estimation.solver.unknown import Priors, Unknown, with_guesses
 from ancf_casadi.exceptions import FitError, InputError, NumericsError
 from ancf_casadi.records.measurement import Measurement

@@ -7,7 +7,9 @@ import numpy as np
 import pytest
 
 from ancf_casadi.estimation.block import Account, Block, SeriesWeights
-from ancf_casadi.estimation.solve import FitProblem, _turn, solve
+from ancf_casadi.estimation.problem import FitProblem
+from ancf_casadi.estimation.refinement import jacobian_turn
+from ancf_casadi.estimation.solve import solve
 from ancf_casadi.estimation.solver.least_squares import least_squares
 from ancf_casadi.estimation.solver.unknown import Unknown
 
@@ -77,10 +79,10 @@ def test_a_change_of_the_jacobian_shifts_the_estimates_by_its_part_normal_to_it(
 
     fit = least_squares(residuals, [Unknown("a", 1.0), Unknown("b", 1.0)], closed_form=True)
     combined = basis @ np.array([[1.1, 0.3], [-0.2, 0.9]])
-    assert _turn(fit, combined).max() < 1e-9
+    assert jacobian_turn(fit, combined).max() < 1e-9
     noise = random.normal(size=(300, 2000))
     noise -= basis @ np.linalg.lstsq(basis, noise)[0]
     other = basis - change
     shifts = np.linalg.solve(other.T @ basis, other.T @ noise)  # of the roots of (J - D)' r = 0
     errors = np.sqrt(np.diag(np.linalg.inv(basis.T @ basis)))
-    assert _turn(fit, other) == pytest.approx(shifts.std(axis=1) / errors, rel=0.1)
+    assert jacobian_turn(fit, other) == pytest.approx(shifts.std(axis=1) / errors, rel=0.1)

@@ -21,7 +21,7 @@ import numpy as np
 from ancf_casadi.damping import DampingLaw, FrictionDamping, ModalDamping, QuadraticDamping
 from ancf_casadi.damping.law import SumOfLaws
 from ancf_casadi.estimation.block import Account, Fitted
-from ancf_casadi.estimation.solve import LARGEST_SHIFT, meaningful
+from ancf_casadi.estimation.refinement import LARGEST_SHIFT, meaningful
 from ancf_casadi.exceptions import NumericsError
 from ancf_casadi.mechanics.lumped import lumped_kind
 from ancf_casadi.mechanics.mesh_limits import largest_bend

@@ -19,7 +19,7 @@ were not given are proportions: a first fit takes them as they are, and the root
 factor c for the amplitudes and levels of all records of one sensor, and one for their phases; a second fit uses these
 (iteratively reweighted least squares).  A factor of its own for each record would follow the scatter of a few points,
 and make the intervals too narrow.  The fit weighs the residuals, distances in units of c s, by the geometric mean G of
-the factors (``ancf_casadi.estimation.solve``).
+the factors (``ancf_casadi.estimation.problem``).
 
 Prediction.  At the level of the excitation, the amplitude and phase of a point are those of a motion on the branch of
 the curve that the measured amplitude is nearest to.  With the derivatives at fixed amplitude, and l' = dl/dY,

@@ -35,7 +35,7 @@ from ancf_casadi.dynamics.tip_load import TipLoad
 from ancf_casadi.estimation.block import Account, Block, Fitted, SeriesWeights
 from ancf_casadi.estimation.fit import Fit
 from ancf_casadi.estimation.prediction import TIME_AXIS, PredictedChannel, RecordPrediction
-from ancf_casadi.estimation.solve import DOUBTS, LARGEST_SHIFT
+from ancf_casadi.estimation.refinement import DOUBTS, LARGEST_SHIFT
 from ancf_casadi.mechanics.mesh_limits import largest_bend
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.mechanics.nodes import NODE

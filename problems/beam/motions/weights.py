@@ -1,7 +1,7 @@
 """Weights of the residuals of different sensors, from their noise, and a tolerance of the integration to match.
 
 With the standard deviation s_c of channel c, its residuals enter a fit as (computed - measured)/s_c, and the fit weighs
-them by the geometric mean G of all s_c (``ancf_casadi.estimation.solve``).
+them by the geometric mean G of all s_c (``ancf_casadi.estimation.problem``).
 
 The standard deviations come from the user or from the record.  At first, third differences of the samples give them: a
 smooth motion cancels in
@@ -23,8 +23,8 @@ The fit goes on from there at a tolerance smaller by r, at which the error is ta
 ``LEAST_ORDER``, besides an error of unknown direction, ``TYPICAL`` of that.  If this typically shifts an estimate by
 more than ``LARGEST_SHIFT`` standard errors, the error is computed again, and so on, until its shifts are small, and its
 root mean square is below ``MOST_VISIBLE`` standard deviations of the noise.  The error of the derivatives counts too
-(``ancf_casadi.estimation.solve``).  In 40 releases and base motions of a strip under four laws, the error falls from
-1e-4 to 1e-5 with the orders 0.3 to 1.3, below 0.4 in three of them, and 0.87 at the median.
+(``ancf_casadi.estimation.refinement``).  In 40 releases and base motions of a strip under four laws, the error falls
+from 1e-4 to 1e-5 with the orders 0.3 to 1.3, below 0.4 in three of them, and 0.87 at the median.
 
 A record may itself be integrated.  Without noise, the residuals are then the integration errors of the record and of
 the fit.  These are not white noise: they stay in phase with the motion, and a parameter absorbs most of them, so that

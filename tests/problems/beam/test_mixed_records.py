@@ -22,7 +22,8 @@ from ancf_casadi import (
     static_equilibrium,
 )
 from ancf_casadi.estimation.block import Account, Block
-from ancf_casadi.estimation.solve import FitProblem, solve
+from ancf_casadi.estimation.problem import FitProblem
+from ancf_casadi.estimation.solve import solve
 from ancf_casadi.estimation.solver.unknown import Unknown
 from ancf_casadi.figures.files import figure_bytes
 from problems import FrequencyRecord, MarkerRecord, ResponseRecord, StaticRecord, fit_beam

@@ -27,7 +27,7 @@ from ancf_casadi import (
 )
 from ancf_casadi.dynamics.derivatives.sensitivity import MotionRun, SensitivityProblem
 from ancf_casadi.estimation.criteria import Candidate, judge
-from ancf_casadi.estimation.solve import LARGEST_SHIFT
+from ancf_casadi.estimation.refinement import LARGEST_SHIFT
 from benchmarks.beams import steel
 from problems import MarkerRecord, compare_laws, fit_beam, fit_decay
 from problems.beam import fitting

@@ -165,6 +165,11 @@ class DampingLaw(Displayed, ABC):
         """Return d (m,), 1/s, of the low-rank part R B diag(d) B^T R^T e_t of the force."""
         return cs.MX(0, 1)
 
+    def branches(self, parameters: S) -> tuple[S, S]:
+        """Return moduli relative to that of the beam, and relaxation times, s, of the law's Maxwell branches, (b,)."""
+        none = type(parameters)(0, 1)
+        return none, none
+
     @abstractmethod
     def damping_ratios(self, modes: Modes, amplitudes: Sequence[float] | Array) -> Array:
         """Return the equivalent damping ratio of each mode at its tip amplitude (m), (m,)."""
@@ -172,6 +177,7 @@ class DampingLaw(Displayed, ABC):
     @final
     def force(self, model: Model, e: cs.MX, e_t: cs.MX) -> cs.MX:
         """Return the whole generalized force Q_damp, (4 n + 4,), N and N m, for the values of the parameters."""
+        refuse_branches(self)
         values = cs.MX(cs.DM([parameter.value for parameter in self.parameters]))
         local = self.local_force(model, e, e_t, cs.MX(cs.DM(model.properties)), values)
         B = rotate_pairs(cs.MX(cs.DM(self.projection(model))), model.beam.axis, e[2:NODE])
@@ -230,6 +236,12 @@ class SumOfLaws(DampingLaw):
         """Return the modal damping coefficients of all terms."""
         terms = zip(self.laws, self._split(parameters), strict=True)
         return cs.vertcat(cs.MX(0, 1), *(law.modal_coefficients(law_parameters) for law, law_parameters in terms))
+
+    def branches(self, parameters: S) -> tuple[S, S]:
+        """Return the branches of all terms."""
+        pairs = zip(self.laws, self._split(parameters), strict=True)
+        moduli, times = zip(super().branches(parameters), *(law.branches(x) for law, x in pairs), strict=True)
+        return cs.vertcat(*moduli), cs.vertcat(*times)
 
     def damping_ratios(self, modes: Modes, amplitudes: Sequence[float] | Array) -> Array:
         """Return the sum of the equivalent damping ratios."""
@@ -293,6 +305,12 @@ def ratios_over_a_period(
 def _terms(law: DampingLaw) -> tuple[DampingLaw, ...]:
     """Return the terms of a law, including those of nested sums."""
     return tuple(term for summand in law.laws for term in _terms(summand)) if isinstance(law, SumOfLaws) else (law,)
+
+
+def refuse_branches(law: DampingLaw) -> None:
+    """Refuse a law with Maxwell branches where the history of the motion is not known."""
+    if law.branches(cs.MX(len(law.parameters), 1))[0].numel():
+        raise InputError("relaxes, which simulate alone takes into account; take RayleighDamping here", "damping")
 
 
 def rotate_pairs(vectors: V, start: Direction, end: Direction) -> V:

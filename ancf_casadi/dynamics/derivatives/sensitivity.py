@@ -39,6 +39,7 @@ import scipy.sparse
 import scipy.sparse.linalg
 
 from ancf_casadi.damping import DampingLaw, RayleighDamping
+from ancf_casadi.damping.law import refuse_branches
 from ancf_casadi.dynamics.base_motion import BaseMotion
 from ancf_casadi.dynamics.derivatives.tangent import (
     MotionRun,
@@ -101,6 +102,7 @@ class SensitivityProblem:
 
     def __post_init__(self) -> None:
         """Validate."""
+        refuse_branches(self.equations.law)
         if isinstance(self.start, Equilibrium) and self.start.loads:
             raise InputError(
                 "only a load at the tip has derivatives here; give it as tip_force and tip_moment, or give a State",

@@ -20,6 +20,7 @@ from typing import Any, Protocol, Self, TypeVar, cast, final
 
 import casadi as cs
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.beam import Beam
@@ -27,7 +28,7 @@ from ancf_casadi.mechanics.loads import LineLoad
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.mechanics.nodes import NODE
 from ancf_casadi.mechanics.strain import gauss
-from ancf_casadi.support.arrays import Array
+from ancf_casadi.support.arrays import Array, ComplexArray
 from ancf_casadi.support.inputs import check_instance, numbers
 from ancf_casadi.support.tables import Displayed
 from ancf_casadi.vibration.modes import Modes
@@ -175,6 +176,14 @@ class DampingLaw(Displayed, ABC):
         """Return the equivalent damping ratio of each mode at its tip amplitude (m), (m,)."""
 
     @final
+    def relaxation(self, s: ArrayLike) -> ComplexArray:
+        """Return phi(s) = sum_b g_b tau_b s/(1 + tau_b s) of the Maxwell branches: E (1 + phi) is the modulus at s."""
+        columns = self.branches(cs.MX(cs.DM([parameter.value for parameter in self.parameters])))
+        moduli, times = (cs.evalf(column).full().ravel() for column in columns)
+        rates = np.multiply.outer(np.asarray(s), times)
+        return np.asarray((moduli * rates / (1 + rates)).sum(axis=-1))
+
+    @final
     def force(self, model: Model, e: cs.MX, e_t: cs.MX) -> cs.MX:
         """Return the whole generalized force Q_damp, (4 n + 4,), N and N m, for the values of the parameters."""
         refuse_branches(self)
@@ -310,7 +319,7 @@ def _terms(law: DampingLaw) -> tuple[DampingLaw, ...]:
 def refuse_branches(law: DampingLaw) -> None:
     """Refuse a law with Maxwell branches where the history of the motion is not known."""
     if law.branches(cs.MX(len(law.parameters), 1))[0].numel():
-        raise InputError("relaxes, which simulate alone takes into account; take RayleighDamping here", "damping")
+        raise InputError("relaxes, which is not taken into account here; take RayleighDamping instead", "damping")
 
 
 def rotate_pairs(vectors: V, start: Direction, end: Direction) -> V:

@@ -41,8 +41,8 @@ from ancf_casadi.vibration.modes import Modes
 class ViscoelasticDamping(DampingLaw):
     """A material that relaxes: Maxwell branches in axial strain and curvature.
 
-    The elastic modulus of the beam is that after relaxation.  A motion starts relaxed in its first shape.  ``simulate``
-    takes this law; elsewhere it is refused.
+    The elastic modulus of the beam is that after relaxation.  A motion starts relaxed in its first shape.
+    ``simulate``, ``damped_modes`` and ``linear_frf`` take this law; elsewhere it is refused.
 
     Parameters
     ----------
@@ -112,7 +112,5 @@ class ViscoelasticDamping(DampingLaw):
         """
         check_instance(modes, "modes", Modes)
         model, shapes, omega = modes.model, modes.shapes, modes.angular_frequencies
-        rates = np.multiply.outer(omega, self.times)
-        loss = (np.array(self.ratios) * rates / (1 + rates**2)).sum(axis=1)
         forces = model.strain_rate_force(modes.equilibrium.coordinates, shapes, model.properties).full()
-        return np.asarray(loss * (shapes * forces).sum(axis=0) / (2 * omega**2))
+        return np.asarray(self.relaxation(1j * omega).imag * (shapes * forces).sum(axis=0) / (2 * omega**2))

@@ -297,6 +297,12 @@ class Balance:
         ((strains,),) = self.equations.map_elements("strains", self, e, groups={0: self.equations.model.groups[0]})
         return strains
 
+    def strain_products(self, e: cs.MX) -> cs.MX:
+        """Return the entries of V = J^T D J of all elements, in the order of ``Model.entries``."""
+        model = self.equations.model
+        _, (products,) = self.equations.map_elements("gradients", self, e, groups={0: model.groups[0]})
+        return cs.vertcat(cs.vec(products), cs.MX.zeros(model.entries[0].size - products.numel()))
+
     def overstrains(self, e: cs.MX, internal: cs.MX) -> cs.MX | None:
         """Return the overstrains of a state, (m b, n), from internal strains (m b n,); None if the law has none."""
         if not (branches := self.equations.branches):

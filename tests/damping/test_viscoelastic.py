@@ -129,6 +129,50 @@ def test_damping_ratios_are_those_of_the_complex_frequency_for_small_moduli():
         assert ratio == pytest.approx(-s.real / abs(s), rel=1e-3)
 
 
+@pytest.mark.parametrize("law", [BRANCH, TWO])
+def test_damped_modes_of_a_weightless_beam_have_the_complex_frequencies_of_one_mode(law):
+    """s^2 + omega^2 (1 + sum g tau s/(1 + tau s)) = 0."""
+    modes = natural_modes(strip(elements=4), count=4)
+    damped = damped_modes(modes.model, law, count=4)
+    for omega, s in zip(modes.angular_frequencies, damped.eigenvalues, strict=True):
+        numerator, denominator = np.polynomial.Polynomial([omega**2, 0.0, 1.0]), np.polynomial.Polynomial([1.0])
+        for g, tau in zip(law.ratios, law.times, strict=True):
+            branch = np.polynomial.Polynomial([1.0, tau])
+            numerator = numerator * branch + omega**2 * g * np.polynomial.Polynomial([0.0, tau]) * denominator
+            denominator = denominator * branch
+        roots = numerator.roots()
+        assert s == pytest.approx(roots[roots.imag.argmax()], rel=1e-8)
+
+
+def test_damped_modes_of_a_sagging_beam_are_eigenvalues_of_the_system_with_internal_displacements():
+    """s M v = -K q - g V (q - u) - beta V v, s u = (q - u)/tau, with the strain-rate stiffness V."""
+    model, (g, tau, beta) = strip(elements=6, gravity=(0.0, -5.0), tip_mass=5e-3), (0.4, 0.03, 1e-4)
+    rest, N, eye = static_equilibrium(model), model.freedoms, np.eye(model.freedoms)
+    free = model.with_fixed_base(eye)
+    p = model.properties
+    K, M = (free.T @ matrix.full() @ free for matrix in (model.tangent_stiffness(rest.coordinates, p), model.mass(p)))
+    V = free.T @ model.strain_rate_force(rest.coordinates, free, p).full()
+    none = np.zeros((N, N))
+    by_rate = np.block([[none, eye, none], [-K - g * V, -beta * V, g * V], [eye / tau, none, -eye / tau]])
+    expected = scipy.linalg.eigvals(by_rate, scipy.linalg.block_diag(eye, M, eye))
+    expected = expected[expected.imag > 0.0]
+    expected = expected[np.argsort(np.abs(expected))][:3]
+    found = damped_modes(model, ViscoelasticDamping([g], [tau]) + RayleighDamping(beta=beta), count=3)
+    np.testing.assert_allclose(found.eigenvalues, expected, rtol=1e-7)
+
+
+def test_linear_response_of_a_weightless_beam_is_the_sum_over_its_modes():
+    """phi^2/(omega_k^2 (1 + phi(i omega)) - omega^2), with all modes."""
+    model = strip(elements=4)
+    modes, f = natural_modes(model, count=model.freedoms), np.array([0.1, 1.0, 2.4, 10.0])
+    response = linear_frf(model, TWO, f, direction=(0.0, 1.0))
+    shapes = model.interpolation(0.1)[1] @ modes.shapes
+    s = 2j * np.pi * f[:, None]
+    modulus = 1 + sum(g * tau * s / (1 + tau * s) for g, tau in zip(TWO.ratios, TWO.times, strict=True))
+    expected = (shapes**2 / (modes.angular_frequencies**2 * modulus + s**2)).sum(axis=1)
+    np.testing.assert_allclose(response.values.ravel(), expected, rtol=1e-6)
+
+
 @pytest.mark.parametrize("x", [1.0, 3.0, 10.0])
 def test_held_strains_relax_exponentially_over_a_step_and_newton_weights_are_near_the_branch(x):
     """W y is stiffly accurate of order 5; phi(s) = x s/(1 + x s) at the eigenvalues of the collocation."""
@@ -160,9 +204,7 @@ def test_everything_else_refuses_the_law(tmp_path):
     calls = {
         "motion": lambda: motion(model, damping=BRANCH, duration=0.1),
         "force": lambda: BRANCH.force(model, cs.MX.sym("e", model.size), cs.MX.sym("e_t", model.size)),
-        "modes": lambda: damped_modes(model, BRANCH),
         "critical": lambda: critical_load(model, load, BRANCH),
-        "linear": lambda: linear_frf(model, BRANCH),
         "response": lambda: frequency_response(model, (5.0, 20.0), damping=BRANCH, base=HarmonicBase(1e-4, 10.0)),
         "functions": lambda: beam_functions(model, BRANCH),
         "simulator": lambda: write_pyelastica(model, tmp_path / "beam.py", damping=BRANCH),

@@ -181,8 +181,8 @@ class Collocation:
         overstrains = balance.overstrains(e, cs.vec(s.internal)) if self.equations.branches else None
         k, d, m = balance.tangents(e, model.whole(s.v, velocity), load, overstrains)
         if self.equations.branches:
-            alpha, beta = self._branch_tangents(e)
-            k, d = (cs.vertcat(x[: y.numel()] + y, x[y.numel() :]) for x, y in ((k, alpha), (d, beta)))
+            products, (alpha, beta) = balance.strain_products(e), self._newton_weights
+            k, d = k + alpha * products, d + beta * products
         rates = cs.vertcat(RADAU.gamma, RADAU.mu.real, RADAU.mu.imag) / s.h
         k, d, m = self.links.matrices(k, unit=1.0), self.links.matrices(d), self.links.matrices(m)
         outer, inner = self.links.factors(k, d, m, rates)
@@ -282,15 +282,12 @@ class Collocation:
         last = cs.repmat(strains[-strains.size1() // STAGES :, :], self.equations.branches, 1)
         return [last - self._overstrains(strains)[:, STAGES - 1 :: STAGES]]
 
-    def _branch_tangents(self, e: cs.MX) -> list[cs.MX]:
-        """Return sum_b g_b alpha_b J^T D J and sum_b g_b beta_b h J^T D J of all elements, from all coordinates e."""
-        group, s, balance = self.equations.model.groups[0], self._symbols, self._balance
-        _, (products,) = self.equations.map_elements("gradients", balance, e, groups={0: group})
-        moduli, _ = self.equations.law.branches(balance.coefficients)
-        sums = [
-            cs.dot(moduli, cs.vertcat(*weights)) for weights in zip(*(w[1:] for w in self._branch_weights), strict=True)
-        ]
-        return [weight * cs.vec(products) for weight in (sums[0], sums[1] * s.h)]
+    @property
+    def _newton_weights(self) -> tuple[cs.MX, cs.MX]:
+        """The weights sum_b g_b alpha_b and sum_b g_b beta_b h of J^T D J in K and D."""
+        moduli, _ = self.equations.law.branches(self._balance.coefficients)
+        alpha, beta = zip(*(weights[1:] for weights in self._branch_weights), strict=True)
+        return cs.dot(moduli, cs.vertcat(*alpha)), cs.dot(moduli, cs.vertcat(*beta)) * self._symbols.h
 
     @cached_property
     def _branch_weights(self) -> list[list[cs.MX]]:

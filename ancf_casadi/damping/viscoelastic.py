@@ -42,7 +42,8 @@ class ViscoelasticDamping(DampingLaw):
     """A material that relaxes: Maxwell branches in axial strain and curvature.
 
     The elastic modulus of the beam is that after relaxation.  A motion starts relaxed in its first shape.
-    ``simulate``, ``damped_modes`` and ``linear_frf`` take this law; elsewhere it is refused.
+    Simulated motion, its derivatives and fits, ``damped_modes`` and ``linear_frf`` take this law; elsewhere it is
+    refused.  Statics and natural modes are those of the relaxed beam.
 
     Parameters
     ----------

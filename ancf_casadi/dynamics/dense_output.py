@@ -378,7 +378,11 @@ class DenseMotion(MotionSource):
         if not equations.branches or steps.internal is None:
             return []
         h, elements = np.diff(steps.instants), self.model.beam.elements
-        strains = equations.relaxed(stages).full().reshape(elements, equations.branches, -1, h.size, STAGES)
+        strains = (
+            equations.relaxed(stages, equations.parameters)
+            .full()
+            .reshape(elements, equations.branches, -1, h.size, STAGES)
+        )
         internal = np.moveaxis(steps.internal[:-1], 0, -1).reshape(*strains.shape[:-1])
         _, times = self.law.branches(cs.MX(cs.DM([parameter.value for parameter in self.law.parameters])))
         weights = [overstrain_weights()(tau / h[None])[0].full() for tau in cs.evalf(times).full().ravel()]

@@ -170,15 +170,16 @@ class Equations:
 
     @cached_property
     def relaxed(self) -> cs.Function:
-        """(e) -> the internal strains of a beam that has relaxed, (m b n,)."""
-        e, balance = cs.MX.sym("e", self.model.size), self.balance(cs.MX(cs.DM(self.parameters)))
-        return cs.Function("relaxed", [e], [cs.densify(cs.vec(cs.repmat(balance.strains(e), self.branches, 1)))])
+        """(e, parameters) -> the internal strains of a beam that has relaxed, (m b n,)."""
+        e, parameters = cs.MX.sym("e", self.model.size), cs.MX.sym("parameters", self.layout.size)
+        relaxed = cs.vec(cs.repmat(self.balance(parameters).strains(e), self.branches, 1))
+        return cs.Function("relaxed", [e, parameters], [cs.densify(relaxed)])
 
-    def internal(self, state: State) -> Array:
+    def internal(self, state: State, parameters: Array) -> Array:
         """Return the internal strains of a state, (m b n,)."""
         if not self.branches:
             return np.zeros(0)
-        return self.relaxed(state.coordinates).full().ravel() if state.internal is None else state.internal
+        return self.relaxed(state.coordinates, parameters).full().ravel() if state.internal is None else state.internal
 
     @cached_property
     def projection(self) -> Array:

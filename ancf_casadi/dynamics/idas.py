@@ -112,7 +112,7 @@ class SemiExplicit:
         model = self.equations.model
         displacement = (state.coordinates - model.straight) / model.scale
         velocity = state.velocities / (model.scale * self.element_frequency)
-        internal = self.equations.internal(state) / self._internal_units
+        internal = self.equations.internal(state, self.equations.parameters) / self._internal_units
         return np.concatenate([model.of_free(displacement), model.of_free(velocity), internal])
 
     def internal(self, x: Array) -> Array:

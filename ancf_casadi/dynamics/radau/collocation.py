@@ -122,7 +122,7 @@ class Collocation:
         """
         s = self._symbols
         increments, turns, *motion, modal_velocities = self._advance()
-        overstrains = self._overstrains(self._strains(motion[0])) if self.equations.branches else None
+        overstrains = self._relaxation(motion[0])[0] if self.equations.branches else None
         on_links, further = self._forces(motion, self._whole(motion), overstrains)
         modal = cs.diag(self._balance.modal_coefficients) @ modal_velocities
         corrections = self._solution(on_links, further[:, 1:], turns, modal)
@@ -144,7 +144,10 @@ class Collocation:
         error = self._error(e, e_t, deviation, deviation_rate)
         size = math.sqrt(STAGES) * cs.norm_2(cs.vec(s.weights[:NODE, :] * error))
         nodes = cs.horzcat(cs.vec(base), coordinates)
-        outputs = [nodes, cs.horzcat(*end), size, *self._relaxed(nodes)]
+        outputs = [nodes, cs.horzcat(*end), size]
+        if self.equations.branches:
+            pairs = (x for of_stage in cs.vertsplit(nodes, NODE) for x in (of_stage[:, :-1], of_stage[:, 1:]))
+            outputs.append(self._relaxation(cs.vertcat(*pairs))[1])
         return _function("finish", [*vars(s).values(), a], outputs)
 
     def _error(self, e: cs.MX, e_t: cs.MX, deviation: cs.MX, rate: cs.MX) -> cs.MX:
@@ -257,43 +260,43 @@ class Collocation:
         """The symbol of the internal strains, if the law has Maxwell branches."""
         return [self._symbols.internal] if self.equations.branches else []
 
-    def _strains(self, coordinates: cs.MX) -> cs.MX:
+    def strains(self, coordinates: cs.MX, columns: tuple[cs.MX, cs.MX]) -> cs.MX:
         """Return the scaled strains of the elements at the stages, (3 m, n), from coordinates of links (24, links)."""
-        s, equations = self._symbols, self.equations
-        columns = cs.reshape(coordinates[:, equations.model.root :], LINK, -1)
-        (strains,) = map_elements(equations.element("strains", 0), columns, s.properties, s.constants)
+        equations = self.equations
+        coordinates = cs.reshape(coordinates[:, equations.model.root :], LINK, -1)
+        (strains,) = map_elements(equations.element("strains", 0), coordinates, *columns)
         return cs.reshape(strains, -1, equations.model.beam.elements)
 
-    def _overstrains(self, strains: cs.MX) -> cs.MX:
-        """Return the overstrains, (m b, 3 n), one column per element and stage, from those of ``_strains``."""
-        s, m, branches = self._symbols, strains.size1() // STAGES, []
-        for internal, (weights, *_) in zip(cs.vertsplit(s.internal, m), self._branch_weights, strict=True):
-            overstrains = cs.kron(weights, cs.DM.eye(m)) @ (strains - cs.repmat(internal, STAGES, 1))
-            branches.append(cs.reshape(overstrains, m, -1))
-        overstrains_of_all: cs.MX = cs.vertcat(*branches)
-        return overstrains_of_all
+    def overstrains(self, strains: cs.MX, internal: cs.MX, h: cs.MX, balance: Balance) -> tuple[cs.MX, cs.MX]:
+        """Return the overstrains, (m b, 3 n), one column per element and stage, and the internal strains at the end.
 
-    def _relaxed(self, nodes: cs.MX) -> list[cs.MX]:
-        """Return the internal strains at the end, (m b, n), from coordinates at the stages (12, nodes), if any."""
-        if not self.equations.branches:
-            return []
-        stages = cs.vertsplit(nodes, NODE)
-        strains = self._strains(cs.vertcat(*(x for of in stages for x in (of[:, :-1], of[:, 1:]))))
-        last = cs.repmat(strains[-strains.size1() // STAGES :, :], self.equations.branches, 1)
-        return [last - self._overstrains(strains)[:, STAGES - 1 :: STAGES]]
+        ``strains`` are those of the same name, and ``internal`` (m b, n) the internal strains at the start.
+        """
+        m, branches = strains.size1() // STAGES, []
+        for first, (weights, *_) in zip(cs.vertsplit(internal, m), self.branch_weights(h, balance), strict=True):
+            overstrains = cs.kron(weights, cs.DM.eye(m)) @ (strains - cs.repmat(first, STAGES, 1))
+            branches.append(cs.reshape(overstrains, m, -1))
+        of_all = cs.vertcat(*branches)
+        return of_all, cs.repmat(strains[-m:, :], len(branches), 1) - of_all[:, STAGES - 1 :: STAGES]
+
+    def branch_weights(self, h: cs.MX, balance: Balance) -> list[list[cs.MX]]:
+        """Return the results of ``overstrain_weights`` of each branch."""
+        _, times = self.equations.law.branches(balance.coefficients)
+        return [overstrain_weights().call([tau / h]) for tau in cs.vertsplit(times)]
+
+    def _relaxation(self, coordinates: cs.MX) -> tuple[cs.MX, cs.MX]:
+        """Return the results of ``overstrains`` from the coordinates of links at the stages, (24, links)."""
+        s = self._symbols
+        strains = self.strains(coordinates, (s.properties, s.constants))
+        return self.overstrains(strains, s.internal, s.h, self._balance)
 
     @property
     def _newton_weights(self) -> tuple[cs.MX, cs.MX]:
         """The weights sum_b g_b alpha_b and sum_b g_b beta_b h of J^T D J in K and D."""
         moduli, _ = self.equations.law.branches(self._balance.coefficients)
-        alpha, beta = zip(*(weights[1:] for weights in self._branch_weights), strict=True)
+        of_branches = self.branch_weights(self._symbols.h, self._balance)
+        alpha, beta = zip(*(weights[1:] for weights in of_branches), strict=True)
         return cs.dot(moduli, cs.vertcat(*alpha)), cs.dot(moduli, cs.vertcat(*beta)) * self._symbols.h
-
-    @cached_property
-    def _branch_weights(self) -> list[list[cs.MX]]:
-        """The results of ``overstrain_weights`` of each branch."""
-        _, times = self.equations.law.branches(self._balance.coefficients)
-        return [overstrain_weights().call([tau / self._symbols.h]) for tau in cs.vertsplit(times)]
 
     def _forces(
         self, motion: Sequence[cs.MX], all_nodes: Sequence[cs.MX], overstrains: cs.MX | None

@@ -81,14 +81,16 @@ class RadauSteps:
     a: Array  # their accelerations
     increments: Array  # of the coordinates at the stages, (s, 3, N)
     excitations: Array  # at the stages, (s, 3, 16)
+    internal: Array  # internal strains at their starts, (s, m b n)
 
     @staticmethod
     def of(model: Model, step_ends: Sequence[StepEnd]) -> RadauSteps:
         """Return the steps between ends."""
-        instants, free, excitations, nodes, _ = (np.array(values) for values in zip(*step_ends, strict=True))
+        instants, free, excitations, nodes, internal = (np.array(values) for values in zip(*step_ends, strict=True))
         q, v, a = np.moveaxis(free[:-1], 1, 0)
         stages = model.of_free(np.moveaxis(_stages(nodes), -1, 0))
-        return RadauSteps(instants, q, v, a, np.moveaxis(stages, 0, -1) - q[:, None], excitations[1:])
+        increments, internal = np.moveaxis(stages, 0, -1) - q[:, None], internal[:-1].reshape(len(q), -1)
+        return RadauSteps(instants, q, v, a, increments, excitations[1:], internal)
 
     @cached_property
     def lengths(self) -> Array:
@@ -122,7 +124,7 @@ class Stepper:
         q, v, a = arrays.end
         q[:], v[:] = model.of_free(start.coordinates), model.of_free(start.velocities)
         arrays.nodes[:] = model.whole(q, first[:NODE]).reshape(-1, 1, NODE)
-        arrays.internal.reshape(-1)[:] = form.equations.internal(start)
+        arrays.internal.reshape(-1)[:] = form.equations.internal(start, parameters)
         relaxing = [arrays.internal.T] if form.equations.branches else []
         a[:] = form.accelerations(q, v, first, parameters, *relaxing)
 

@@ -83,13 +83,11 @@ class ViscoelasticDamping(DampingLaw):
     @property
     def parameters(self) -> tuple[Parameter, ...]:
         """The relative moduli, then the relaxation times."""
-        return (
-            *(
-                Parameter(f"modulus{k}", g, "1", f"relative modulus of branch {k}")
-                for k, g in enumerate(self.ratios, 1)
-            ),
-            *(Parameter(f"time{k}", tau, "s", f"relaxation time of branch {k}") for k, tau in enumerate(self.times, 1)),
-        )
+        pairs = list(enumerate(zip(self.ratios, self.times, strict=True), start=1))
+        least = 1e-6  # usual lower bound of estimates, which must be positive, 1 or s
+        moduli = [Parameter(f"modulus{k}", g, "1", f"relative modulus of branch {k}", least) for k, (g, _) in pairs]
+        times = [Parameter(f"time{k}", tau, "s", f"relaxation time of branch {k}", least) for k, (_, tau) in pairs]
+        return (*moduli, *times)
 
     def with_parameters(self, values: Sequence[float] | Array) -> ViscoelasticDamping:
         """Return the law with other relative moduli and relaxation times."""

@@ -463,7 +463,7 @@ def forward(tangent: Tangent, run: MotionRun, start: Array, b: Array, parameters
     bound, order = tangent.bound(d), tangent.inverse_order
     du = bound.vectors
     du[:, layout["parameters"]] = parameters.T
-    dz, relaxation = (run.relaxed_jacobian @ np.vstack([start[:free], parameters])).T, tangent.relaxation(d)
+    dz = (run.relaxed_jacobian @ np.vstack([start[:free], parameters])).T
     modal_coefficients = tangent.modal_coefficients(run.parameters)
     for passage in run.passages:
         excitation = passage.excitation
@@ -482,6 +482,7 @@ def forward(tangent: Tangent, run: MotionRun, start: Array, b: Array, parameters
             unordered[:, order] = -solved.T
             dZ = unordered.reshape(d, STAGES, free)
             if dz.size:
+                relaxation = tangent.relaxation(d)
                 relaxation.vectors[:, : unordered.shape[1]], relaxation.vectors[:, unordered.shape[1] :] = unordered, du
                 dz = relaxation.at(steps, k, run.parameters)()[0].reshape(d, -1).copy()
             h = steps.lengths[k]

@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from ancf_casadi.damping import Parameter as Parameter
     from ancf_casadi.damping import QuadraticDamping as QuadraticDamping
     from ancf_casadi.damping import RayleighDamping as RayleighDamping
+    from ancf_casadi.damping import ViscoelasticDamping as ViscoelasticDamping
     from ancf_casadi.decay.envelope import DampingCurve as DampingCurve
     from ancf_casadi.decay.envelope import LawCurve as LawCurve
     from ancf_casadi.decay.envelope import damping_curve as damping_curve

@@ -177,6 +177,7 @@ def calls(folder: Path) -> dict[str, tuple[Callable, dict]]:
         "Beam.with_": (beam.with_, {"length": 0.4, "axis": (1.0, 0.0)}),
         "Beam.from_toml": (a.Beam.from_toml, {"path": folder / "a.toml"}),
         "FixedBase": (a.FixedBase, {"displacement": (0.0, 0.0), "rotation": 0.1}),
+        "ViscoelasticDamping": (a.ViscoelasticDamping, {"ratios": [0.3], "times": [0.03]}),
         "FrictionDamping": (a.FrictionDamping, {"eta0": 0.1, "smoothing_speed": 1e-3}),
         "HarmonicBase": (a.HarmonicBase, {
             "amplitude": 1e-3, "frequency": 2.0, "stop": 1.0, "direction": (1.0, 0.0), "stop_at": "rest", "ramp": 0.1,

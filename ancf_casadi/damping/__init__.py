@@ -7,6 +7,7 @@ unless a law has a flow.
     proportional    Rayleigh (proportional)  Q = alpha M e_t + beta (stiffness part),              Eqs. (11)-(16)
     quadratic       quadratic                Q = int S^T (gamma1 v + gamma2 |v| v) dp,             Eqs. (19)-(26)
     friction        dry friction             Q = int S^T gamma0 v/|v| dp
+    viscoelastic    viscoelastic             Q = J^T D sum_b g_b y_b, from the history of the strains
     generic         modal (generic)          Q = R M Phi diag(2 zeta omega) Phi^T M R^T e_t,       Eqs. (28)-(32)
     law             parameters of a law, sums of laws, rotation R of the modal law with the clamp
 
@@ -28,6 +29,7 @@ from ancf_casadi.damping.generic import ModalDamping
 from ancf_casadi.damping.law import DampingLaw, Forces, Parameter, SumOfLaws
 from ancf_casadi.damping.proportional import ProportionalStiffness, RayleighDamping
 from ancf_casadi.damping.quadratic import DRAG_CONSTANT, QuadraticDamping
+from ancf_casadi.damping.viscoelastic import ViscoelasticDamping
 
 __all__ = [
     "DRAG_CONSTANT",
@@ -41,4 +43,5 @@ __all__ = [
     "QuadraticDamping",
     "RayleighDamping",
     "SumOfLaws",
+    "ViscoelasticDamping",
 ]

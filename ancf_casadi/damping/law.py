@@ -20,6 +20,7 @@ from typing import Any, Protocol, Self, TypeVar, cast, final
 
 import casadi as cs
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.beam import Beam
@@ -27,7 +28,7 @@ from ancf_casadi.mechanics.loads import LineLoad
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.mechanics.nodes import NODE
 from ancf_casadi.mechanics.strain import gauss
-from ancf_casadi.support.arrays import Array
+from ancf_casadi.support.arrays import Array, ComplexArray
 from ancf_casadi.support.inputs import check_instance, numbers
 from ancf_casadi.support.tables import Displayed
 from ancf_casadi.vibration.modes import Modes
@@ -165,13 +166,27 @@ class DampingLaw(Displayed, ABC):
         """Return d (m,), 1/s, of the low-rank part R B diag(d) B^T R^T e_t of the force."""
         return cs.MX(0, 1)
 
+    def branches(self, parameters: S) -> tuple[S, S]:
+        """Return moduli relative to that of the beam, and relaxation times, s, of the law's Maxwell branches, (b,)."""
+        none = type(parameters)(0, 1)
+        return none, none
+
     @abstractmethod
     def damping_ratios(self, modes: Modes, amplitudes: Sequence[float] | Array) -> Array:
         """Return the equivalent damping ratio of each mode at its tip amplitude (m), (m,)."""
 
     @final
+    def relaxation(self, s: ArrayLike) -> ComplexArray:
+        """Return phi(s) = sum_b g_b tau_b s/(1 + tau_b s) of the Maxwell branches: E (1 + phi) is the modulus at s."""
+        columns = self.branches(cs.MX(cs.DM([parameter.value for parameter in self.parameters])))
+        moduli, times = (cs.evalf(column).full().ravel() for column in columns)
+        rates = np.multiply.outer(np.asarray(s), times)
+        return np.asarray((moduli * rates / (1 + rates)).sum(axis=-1))
+
+    @final
     def force(self, model: Model, e: cs.MX, e_t: cs.MX) -> cs.MX:
         """Return the whole generalized force Q_damp, (4 n + 4,), N and N m, for the values of the parameters."""
+        refuse_branches(self)
         values = cs.MX(cs.DM([parameter.value for parameter in self.parameters]))
         local = self.local_force(model, e, e_t, cs.MX(cs.DM(model.properties)), values)
         B = rotate_pairs(cs.MX(cs.DM(self.projection(model))), model.beam.axis, e[2:NODE])
@@ -230,6 +245,12 @@ class SumOfLaws(DampingLaw):
         """Return the modal damping coefficients of all terms."""
         terms = zip(self.laws, self._split(parameters), strict=True)
         return cs.vertcat(cs.MX(0, 1), *(law.modal_coefficients(law_parameters) for law, law_parameters in terms))
+
+    def branches(self, parameters: S) -> tuple[S, S]:
+        """Return the branches of all terms."""
+        pairs = zip(self.laws, self._split(parameters), strict=True)
+        moduli, times = zip(super().branches(parameters), *(law.branches(x) for law, x in pairs), strict=True)
+        return cs.vertcat(*moduli), cs.vertcat(*times)
 
     def damping_ratios(self, modes: Modes, amplitudes: Sequence[float] | Array) -> Array:
         """Return the sum of the equivalent damping ratios."""
@@ -293,6 +314,12 @@ def ratios_over_a_period(
 def _terms(law: DampingLaw) -> tuple[DampingLaw, ...]:
     """Return the terms of a law, including those of nested sums."""
     return tuple(term for summand in law.laws for term in _terms(summand)) if isinstance(law, SumOfLaws) else (law,)
+
+
+def refuse_branches(law: DampingLaw) -> None:
+    """Refuse a law with Maxwell branches where the history of the motion is not known."""
+    if law.branches(cs.MX(len(law.parameters), 1))[0].numel():
+        raise InputError("relaxes, which is not taken into account here; take RayleighDamping instead", "damping")
 
 
 def rotate_pairs(vectors: V, start: Direction, end: Direction) -> V:

@@ -20,6 +20,7 @@ from ancf_casadi.damping.generic import ModalDamping
 from ancf_casadi.damping.law import DampingLaw, SumOfLaws
 from ancf_casadi.damping.proportional import ProportionalStiffness, RayleighDamping
 from ancf_casadi.damping.quadratic import QuadraticDamping
+from ancf_casadi.damping.viscoelastic import ViscoelasticDamping
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.mechanics.spec import BeamSpec, StrainMeasuresSpec, model_from
@@ -147,6 +148,20 @@ class FrictionSpec(DampingSpec, frozen=True, tag="friction"):
     smoothing_speed: Annotated[float, Meta(gt=0.0, description="m/s")] = 1e-3
 
 
+class ViscoelasticSpec(DampingSpec, frozen=True, tag="viscoelastic"):
+    """A material that relaxes: Maxwell branches beside the elastic beam."""
+
+    described = ViscoelasticDamping
+
+    ratios: Annotated[tuple[Positive, ...], Meta(min_length=1, description="moduli relative to that of the beam")]
+    times: Annotated[tuple[Positive, ...], Meta(min_length=1, description="relaxation times, s")]
+
+    def __post_init__(self) -> None:
+        """Refuse times that are not one per ratio."""
+        if len(self.times) != len(self.ratios):
+            raise ValueError(f"times: has {len(self.times)} values for {len(self.ratios)} ratios")
+
+
 class ModalSpec(DampingSpec, frozen=True, tag="modal"):
     """Modal (generic) damping, M Phi diag(2 zeta omega) Phi^T M."""
 
@@ -201,7 +216,7 @@ class SumSpec(DampingSpec, frozen=True, tag="sum"):
             spec.check(model, value_place(where, ["laws", k]))
 
 
-LawSpec = RayleighSpec | QuadraticSpec | FrictionSpec | ModalSpec | SumSpec
+LawSpec = RayleighSpec | QuadraticSpec | FrictionSpec | ViscoelasticSpec | ModalSpec | SumSpec
 
 
 def law_spec(law: DampingLaw, model: Model) -> LawSpec:
@@ -212,7 +227,8 @@ def law_spec(law: DampingLaw, model: Model) -> LawSpec:
         )
     if isinstance(law, SumOfLaws):
         return SumSpec(laws=tuple(law_spec(term, model) for term in law.laws))
-    kinds: dict[type, Any] = {kind.described: kind for kind in (RayleighSpec, QuadraticSpec, FrictionSpec)}
+    simple = (RayleighSpec, QuadraticSpec, FrictionSpec, ViscoelasticSpec)
+    kinds: dict[type, Any] = {kind.described: kind for kind in simple}
     if type(law) in kinds:
         spec: LawSpec = convert(law, kinds[type(law)])
         return spec

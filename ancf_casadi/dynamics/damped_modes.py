@@ -11,6 +11,13 @@ are those of largest 1/(s - sigma) of the operator
 
     (f_1, f_2) -> (q, v),    P(sigma) q = -M f_2 - (D + sigma M) f_1,    v = f_1 + sigma q.
 
+A law that relaxes adds phi(s) V to P(s), with V = J^T D J and phi(s) = sum_b g_b tau_b s/(1 + tau_b s)
+(``damping.viscoelastic``).  Its modes follow from those without the branches by nonlinear inverse iteration,
+
+    P(s) y = P'(s) phi,    s <- s - (n . phi)/(n . y),    phi <- y/(n . y),
+
+while the moduli g_b grow from 0.  The modes of the branches, which relax without oscillation, are left out.
+
 With the banded factors of P(sigma) they follow from the matrix of the operator or, if it is large, by Arnoldi's method.
 
 An equilibrium is unstable if some s has a positive real part: by divergence if it is real, as in buckling, by flutter
@@ -36,6 +43,7 @@ import scipy.sparse
 import scipy.sparse.linalg
 
 from ancf_casadi.damping import DampingLaw, RayleighDamping
+from ancf_casadi.damping.law import refuse_branches
 from ancf_casadi.dynamics.equations import Equations
 from ancf_casadi.dynamics.placed_load import LOAD_SIZE
 from ancf_casadi.exceptions import EquilibriumError, InputError
@@ -53,6 +61,9 @@ from ancf_casadi.vibration.equilibrium import Equilibrium
 from ancf_casadi.vibration.statics import primary_equilibrium, static_equilibrium
 
 DENSE = 800  # size of the operator up to which all its eigenvalues are computed
+MODULUS_STEPS = 10  # in which the moduli of Maxwell branches grow from 0, so that a mode is followed
+MOST_ITERATIONS = 30  # in each of them
+CONVERGED = 1e-6  # relative change of the eigenvalue in the last iteration; the error is about its square
 GROWING = 1e-7  # real part of a growing mode, relative to |s|; rounding leaves 1e-12, or 1e-6 where two modes meet
 
 
@@ -174,8 +185,44 @@ def damped_modes(
     s = np.where(still, 0.0, np.where(np.abs(s.imag) <= 1e-9 * np.abs(s), s.real, s))
     upper = np.concatenate([np.flatnonzero(still)[::2], np.flatnonzero(~still & (s.imag >= 0.0))])
     order = upper[np.argsort(np.abs(s[upper]), kind="stable")][:count]
-    shapes = vectors[: model.freedoms]
-    return DampedModes(equilibrium_at_rest, s[order], model.with_fixed_base(shapes[:, order]))
+    s, shapes = s[order], vectors[: model.freedoms, order]
+    if Equations(model, law).branches:
+        s, shapes = _relaxing_modes(equilibrium_at_rest, law, s, shapes)
+    return DampedModes(equilibrium_at_rest, s, model.with_fixed_base(shapes))
+
+
+def _relaxing_modes(
+    equilibrium: Equilibrium, law: DampingLaw, eigenvalues: ComplexArray, shapes: ComplexArray
+) -> tuple[ComplexArray, ComplexArray]:
+    """Return the modes of a law that relaxes from those without its branches, whose moduli grow in steps."""
+    if not equilibrium.stable:
+        raise InputError("is unstable: it creeps away under a law that relaxes, without vibration", "equilibrium")
+    model, (_, stiffness, mass) = equilibrium.model, equilibrium.structure.linearisation(equilibrium.exact)
+    _, *at_rest = damping_at_rest(model, law)(equilibrium.coordinates)
+    D, d, V = (matrix.sparse() for matrix in at_rest)
+    B, M = model.of_free(law.projection(model)), sparse(mass)
+    low_rank = B * d.toarray().ravel()
+    damping, relaxing = banded(D, stiffness), banded(V, stiffness)
+    storage = np.zeros((3 * BANDWIDTH + 1, len(shapes)), dtype=complex, order="F")
+    for k in np.flatnonzero(eigenvalues):
+        s, x = complex(eigenvalues[k]), shapes[:, k]
+        normal = x.conj()
+        for modulus in np.linspace(0.0, 1.0, MODULUS_STEPS + 1)[1:].tolist():
+            for _ in range(MOST_ITERATIONS):
+                nearby = s * (1 + 1e-6)
+                phi, phi_nearby = (modulus * law.relaxation(z) for z in (s, nearby))
+                storage[BANDWIDTH:] = stiffness + phi * relaxing + s * damping + s**2 * mass
+                rate = (phi_nearby - phi) / (nearby - s)
+                change = D @ x + low_rank @ (B.T @ x) + 2 * s * (M @ x) + rate * (V @ x)
+                y = BandedFactors.of(storage.copy(order="F"), BANDWIDTH, s * low_rank, B).solve(change)
+                x, step = y / (normal @ y), (normal @ x) / (normal @ y)
+                s -= complex(step)
+                if abs(step) <= CONVERGED * abs(s):
+                    break
+            else:
+                raise EquilibriumError(f"mode {k + 1} was not found under branches of such moduli")
+        eigenvalues[k], shapes[:, k] = s, x / np.linalg.norm(x)
+    return eigenvalues, shapes
 
 
 @dataclass(frozen=True)
@@ -257,6 +304,7 @@ def critical_load(
     """
     check_instance(model, "model", Model)
     check_instance(damping, "damping", DampingLaw, NoneType)
+    refuse_branches(RayleighDamping() if damping is None else damping)
     acting = instances(loads, "loads", PointLoad, LineLoad)
     largest, steps = positive(largest_factor, "largest_factor"), whole(steps, "steps", 1)
     flow = () if damping is None else damping.loads(model.beam)
@@ -305,21 +353,35 @@ def _largest(inverse: Callable[[Array], Array], size: int, count: int) -> tuple[
     return values, vectors
 
 
+def banded(matrix: scipy.sparse.csc_array, like: Array) -> Array:
+    """Return a sparse matrix in the band storage of another one."""
+    entries, storage = matrix.tocoo(), np.zeros_like(like)
+    np.add.at(storage, (BANDWIDTH + entries.row - entries.col, entries.col), entries.data)
+    return storage
+
+
 @keep_last(8)
 def damping_at_rest(model: Model, law: DampingLaw) -> cs.Function:
-    """(e) -> D at rest without its low-rank part, of all and of the free coordinates, and d of the low-rank part."""
+    """(e) -> D at rest without its low-rank part, of all and of the free coordinates, and d of the low-rank part.
+
+    The last result is V = J^T D J of the free coordinates, empty if the law does not relax.
+    """
     equations, e = Equations(model, law), cs.MX.sym("e", model.size)
     terms = equations.balance(cs.MX(cs.DM(equations.parameters)))
-    _, entries, _ = terms.tangents(e, cs.MX.zeros(model.size), cs.MX.zeros(LOAD_SIZE))
+    relaxed, V = None, cs.MX(model.freedoms, model.freedoms)
+    if equations.branches:
+        relaxed = cs.MX.zeros(equations.internal_size // model.beam.elements, model.beam.elements)
+        V = model.free_matrix(terms.strain_products(e))
+    _, entries, _ = terms.tangents(e, cs.MX.zeros(model.size), cs.MX.zeros(LOAD_SIZE), relaxed)
     matrices = [model.matrix(entries), model.free_matrix(entries)]
-    return cs.Function("damping_at_rest", [e], [*matrices, cs.densify(terms.modal_coefficients)])
+    return cs.Function("damping_at_rest", [e], [*matrices, cs.densify(terms.modal_coefficients), V])
 
 
 def _inverse(equilibrium: Equilibrium, law: DampingLaw) -> tuple[Callable[[Array], Array], float]:
     """Return the operator whose eigenvalues are 1/(s - sigma), of vectors or columns, and sigma, 1/s."""
     model = equilibrium.model
     _, stiffness, mass = equilibrium.structure.linearisation(equilibrium.exact)
-    _, resistance, d = damping_at_rest(model, law)(equilibrium.coordinates)
+    _, resistance, d, _ = damping_at_rest(model, law)(equilibrium.coordinates)
     local, B = scipy.sparse.csc_array(resistance.sparse()), model.of_free(law.projection(model))
     coefficients = d.full().ravel()
     M, N, sigma = sparse(mass).tocsr(), model.freedoms, float(np.sqrt(eigenvalue_shift(model, stiffness, mass)))
@@ -328,9 +390,7 @@ def _inverse(equilibrium: Equilibrium, law: DampingLaw) -> tuple[Callable[[Array
         return np.asarray(local @ x + (B * coefficients) @ (B.T @ x))
 
     storage = np.zeros((3 * BANDWIDTH + 1, N), order="F")
-    storage[BANDWIDTH:] = stiffness + sigma**2 * mass
-    matrix = local.tocoo()
-    storage[2 * BANDWIDTH + matrix.row - matrix.col, matrix.col] += sigma * matrix.data
+    storage[BANDWIDTH:] = stiffness + sigma * banded(local, stiffness) + sigma**2 * mass
     factors = BandedFactors.of(storage, BANDWIDTH, sigma * B * coefficients, B)
 
     def solve(f: Array) -> Array:

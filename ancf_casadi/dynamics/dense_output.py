@@ -34,10 +34,10 @@ import scipy.sparse.linalg
 
 from ancf_casadi.damping import DampingLaw
 from ancf_casadi.dynamics.base_motion import BaseMotion
-from ancf_casadi.dynamics.equations import Balance, shared_equations
+from ancf_casadi.dynamics.equations import Balance, Equations, shared_equations
 from ancf_casadi.dynamics.excitation import ENERGIES, EXCITATION, SAME_TIME, Excitation, Segment, excitation_pieces
 from ancf_casadi.dynamics.placed_load import TIP
-from ancf_casadi.dynamics.radau.tableau import QUINTIC, RADAU, STAGES, powers
+from ancf_casadi.dynamics.radau.tableau import QUINTIC, RADAU, STAGES, overstrain_weights, powers
 from ancf_casadi.dynamics.tip_load import TipLoad
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.model import Model
@@ -119,6 +119,7 @@ class Steps:
     stages: Array | None = None  # coordinates at the stages of each step of Radau, (m, 3, size)
     work: Array | None = None  # energies that each step of IDAS adds, (m, 3), J
     first: bool = False  # whether the first step begins with given rates
+    internal: Array | None = None  # internal strains at the ends of Radau's steps, (m + 1, n, m b)
 
     def slopes(self, owners: Index, x: Array, orders: int) -> Iterator[tuple[slice, Array, Array]]:
         """Yield the slopes and their time derivatives, (orders, k, s), and the same of the beam's own beginning.
@@ -213,6 +214,11 @@ class MotionSource(ABC):
     def energies(self, times: Array) -> Array:
         """Return the energies lost to damping and supplied by base and load since the start, (k, 3), J."""
 
+    @property
+    def relaxes(self) -> bool:
+        """Whether the forces at an instant depend on the motion before it."""
+        return False
+
     def along(self, row: Array, times: Array, order: int = 0) -> Array:
         """Return weighted sums (k, 2) of the positions and slopes of the nodes, or of a time derivative of these."""
         return np.asarray(self.nodes(times, order + 1)[order] @ np.kron(row, np.eye(2)).T)
@@ -304,6 +310,11 @@ class DenseMotion(MotionSource):
             result[chosen] = np.einsum("kb,b", base[order], of_base) + np.einsum("ks,s", slopes[order], of_slopes)
         return result.view(float).reshape(-1, 2)
 
+    @property
+    def relaxes(self) -> bool:
+        """Whether the law has Maxwell branches, whose internal strains are known at the ends of the steps alone."""
+        return bool(self._equations.branches)
+
     def base_force(self, times: Array) -> Array:
         """Return the generalized force of the base on the clamped node, (k, 4)."""
         result = np.empty((times.size, NODE))
@@ -357,8 +368,26 @@ class DenseMotion(MotionSource):
             model.whole(x.reshape(-1, times.size), excitation[NODE * k : NODE * (k + 1)])
             for k, x in enumerate((rates, changes), start=1)
         )
-        powers = self._powers(stages, e_t, e_tt, excitation[3 * NODE :]).full().reshape(ENERGIES, h.size, STAGES)
+        motion = stages, e_t, e_tt, excitation[3 * NODE :], *self._overstrains(steps, stages)
+        powers = self._powers(*motion).full().reshape(ENERGIES, h.size, STAGES)
         return np.asarray(np.einsum("ems,cs,m->mce", powers, RADAU.integral, h))
+
+    def _overstrains(self, steps: Steps, stages: Array) -> list[Array]:
+        """Return the overstrains at the stages of some steps of Radau, (m b n, 3 s), if the law relaxes."""
+        equations = self._equations
+        if not equations.branches or steps.internal is None:
+            return []
+        h, elements = np.diff(steps.instants), self.model.beam.elements
+        strains = (
+            equations.relaxed(stages, equations.parameters)
+            .full()
+            .reshape(elements, equations.branches, -1, h.size, STAGES)
+        )
+        internal = np.moveaxis(steps.internal[:-1], 0, -1).reshape(*strains.shape[:-1])
+        _, times = self.law.branches(cs.MX(cs.DM([parameter.value for parameter in self.law.parameters])))
+        weights = [overstrain_weights()(tau / h[None])[0].full() for tau in cs.evalf(times).full().ravel()]
+        W = np.array(weights).reshape(equations.branches, STAGES, h.size, STAGES)
+        return [np.einsum("bisj,ebmsj->ebmsi", W, strains - internal[..., None]).reshape(-1, stages.shape[1])]
 
     def _places(self, times: Array) -> Iterator[tuple[int, Index, Index, Array]]:
         """Yield the number of some steps, the indices of instants within them, their steps, and their places there."""
@@ -416,18 +445,23 @@ class DenseMotion(MotionSource):
 
     @cached_property
     def _powers(self) -> cs.Function:
-        """(e, e_t, e_tt, load) -> the powers lost to damping and supplied by base and load."""
+        """(e, e_t, e_tt, load, overstrains if any) -> the powers lost to damping and supplied by base and load."""
         return self._function(Balance.powers)
 
     def _function(self, term: Callable[..., cs.MX]) -> cs.Function:
         """Return a term of the balance of forces as a Function of motion and load."""
-        equations = shared_equations(
-            self.model, self.law, compile_together, TIP if self.load is None else self.load.place
-        )
+        equations = self._equations
         e, e_t, e_tt = (cs.MX.sym(name, self.model.size) for name in ("e", "e_t", "e_tt"))
         load, balance = cs.MX.sym("load", NODE), equations.balance(cs.MX(cs.DM(equations.parameters)))
-        values = cs.densify(term(balance, e, e_t, e_tt, load))
-        return cs.Function(term.__name__, [e, e_t, e_tt, load], [values], {"is_diff_in": [False] * 4})
+        relaxing = [cs.MX.sym("y", equations.internal_size)] if equations.branches else []
+        overstrains = [cs.reshape(y, -1, self.model.beam.elements) for y in relaxing]
+        values, inputs = cs.densify(term(balance, e, e_t, e_tt, load, *overstrains)), [e, e_t, e_tt, load, *relaxing]
+        return cs.Function(term.__name__, inputs, [values], {"is_diff_in": [False] * len(inputs)})
+
+    @property
+    def _equations(self) -> Equations:
+        place = TIP if self.load is None else self.load.place
+        return shared_equations(self.model, self.law, compile_together, place)
 
     def _close_supports(self, motion: Array, times: Array) -> Array:
         """Return coordinates and so on, (orders, k, size), whose nodes at the supports are in their places."""

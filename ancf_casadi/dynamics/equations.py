@@ -18,9 +18,12 @@ an element contributes
 
     Q = M e_tt + Q_damp(e, e_t) + Q_e(e) - Q_g,
 
-in which Q_damp is the local part of the damping.  A call from CasADi's virtual machine costs about as much as the
-forces of an element.  Compiled Functions therefore take ``ELEMENTS_PER_CALL`` elements per call; the last call is
-padded with copies of the last element.
+in which Q_damp is the local part of the damping.  If the law has Maxwell branches (``damping.viscoelastic``), their
+overstrains y, scaled by the square roots of the stiffnesses, are a further input of the elements of the beam, and
+J^T sum_b g_b y_b belongs to Q_damp, with the Jacobian J of the scaled strains.
+
+A call from CasADi's virtual machine costs about as much as the forces of an element.  Compiled Functions therefore take
+``ELEMENTS_PER_CALL`` elements per call; the last call is padded with copies of the last element.
 """
 
 from __future__ import annotations
@@ -34,42 +37,58 @@ import casadi as cs
 import numpy as np
 
 from ancf_casadi.damping import DampingLaw
-from ancf_casadi.damping.law import rotate_pairs
+from ancf_casadi.damping.law import refuse_branches, rotate_pairs
 from ancf_casadi.dynamics.placed_load import TIP, load_force, load_stiffness
 from ancf_casadi.mechanics.element import Element, Group
 from ancf_casadi.mechanics.loads import PointLoad
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.mechanics.nodes import NODE
+from ancf_casadi.mechanics.state import State
 from ancf_casadi.support.arrays import Array, Layout
 from ancf_casadi.support.last_calls import keep_last
 
 ELEMENTS_PER_CALL = 10  # elements per call of a compiled Function
 OF_A_STEP = ("balance", "tangents", "resistance")  # element Functions that every step needs, compiled side by side
+OF_BRANCHES = ("strains", "gradients")  # further ones under a law with Maxwell branches
+RELAXING = ("balance", "lost_power", "tangents")  # Functions of an element that the branches contribute to
 
 Make = Callable[[Sequence[cs.Function]], list[cs.Function]]  # compiles Functions, or leaves them to the virtual machine
 
 
-def element_function(name: str, element: Element, law: DampingLaw, compiled: bool) -> cs.Function:
+def element_function(name: str, element: Element, law: DampingLaw, compiled: bool, branches: int = 0) -> cs.Function:
     """Return a Function of one element under a damping law, for columns, one per element of a call.
 
     balance      (e, e_t, e_tt, p, c) -> Q (d,)
     lost_power   (e, e_t, p, c) -> e_t . Q_damp
     tangents     (e, e_t, p, c) -> K = dQ/de, D = dQ/de_t and M, (d, d)
     resistance   (e, e_t, u, w, p, c) -> D u + M w
+    strains      (e, p, c) -> s (m,), scaled: their squares add up to twice the strain energy
+    gradients    (e, p, c) -> J = ds/de (m, d) and J^T J
+
+    With ``branches``, the first three have the overstrains y (m b,) as a further input before p.
     """
     d, k = element.elastic_force.size1_in(0), element.elastic_force.size1_in(1)
     e, e_t, e_tt, u = (cs.SX.sym(symbol, d) for symbol in ("e", "e_t", "e_tt", "u"))
     p, c = cs.SX.sym("p", k), cs.SX.sym("c", 2 + len(law.parameters))
-    damping = law.local_force(element, e, e_t, p, c[2:]) + element.dashpot_force(e_t, p)
+    damping, overstrains = law.local_force(element, e, e_t, p, c[2:]) + element.dashpot_force(e_t, p), []
+    if branches and name in RELAXING:
+        strains, (moduli, _) = element.scaled_strains(e, p), law.branches(c[2:])
+        overstrains = [cs.SX.sym("y", strains.numel() * branches)]
+        damping += cs.jtimes(strains, e, cs.reshape(overstrains[0], -1, branches) @ moduli, True)
     if name == "balance":
         weight = element.gravity_force(p, c[:2])
         force = element.inertia_force(e_tt, p) + damping + element.elastic_force(e, p) - weight
-        inputs, outputs = [e, e_t, e_tt, p, c], [force]
+        inputs, outputs = [e, e_t, e_tt, *overstrains, p, c], [force]
     elif name == "lost_power":
-        inputs, outputs = [e, e_t, p, c], [cs.dot(e_t, damping)]
+        inputs, outputs = [e, e_t, *overstrains, p, c], [cs.dot(e_t, damping)]
     elif name == "tangents":
         stiffness = element.tangent_stiffness(e, p) + cs.jacobian(damping, e)
-        inputs, outputs = [e, e_t, p, c], [stiffness, cs.jacobian(damping, e_t), element.mass(p)]
+        inputs, outputs = [e, e_t, *overstrains, p, c], [stiffness, cs.jacobian(damping, e_t), element.mass(p)]
+    elif name == "strains":
+        inputs, outputs = [e, p, c], [element.scaled_strains(e, p)]
+    elif name == "gradients":
+        J = cs.jacobian(element.scaled_strains(e, p), e)
+        inputs, outputs = [e, p, c], [J, J.T @ J]
     else:
         force = cs.jtimes(damping, e_t, u) + element.inertia_force(e_tt, p)
         inputs, outputs = [e, e_t, u, e_tt, p, c], [force]
@@ -125,9 +144,10 @@ class Equations:
         """Return a Function of the elements of a group (``element_function``); that of a single one is not compiled."""
         if (name, group) not in self._element_functions:
             elements = self.model.groups[group]
-            make = self.make if elements.count > 1 else as_they_are
-            names, compiled = OF_A_STEP if name in OF_A_STEP else (name,), make is not as_they_are
-            functions = make([element_function(each, elements.element, self.law, compiled) for each in names])
+            make, branches = self.make if elements.count > 1 else as_they_are, 0 if group else self.branches
+            together = (*OF_A_STEP, *OF_BRANCHES) if branches else OF_A_STEP
+            names, compiled = together if name in together else (name,), make is not as_they_are
+            functions = make([element_function(each, elements.element, self.law, compiled, branches) for each in names])
             self._element_functions.update(
                 ((each, group), function) for each, function in zip(names, functions, strict=True)
             )
@@ -137,6 +157,29 @@ class Equations:
     def free(self) -> int:
         """Number N of free coordinates."""
         return self.model.freedoms
+
+    @cached_property
+    def branches(self) -> int:
+        """Number b of Maxwell branches of the law."""
+        return int(self.law.branches(cs.MX(len(self.law.parameters), 1))[0].numel())
+
+    @property
+    def internal_size(self) -> int:
+        """Number m b n of internal strains."""
+        return self.model.groups[0].element.scaled_strains.size1_out(0) * self.branches * self.model.beam.elements
+
+    @cached_property
+    def relaxed(self) -> cs.Function:
+        """(e, parameters) -> the internal strains of a beam that has relaxed, (m b n,)."""
+        e, parameters = cs.MX.sym("e", self.model.size), cs.MX.sym("parameters", self.layout.size)
+        relaxed = cs.vec(cs.repmat(self.balance(parameters).strains(e), self.branches, 1))
+        return cs.Function("relaxed", [e, parameters], [cs.densify(relaxed)])
+
+    def internal(self, state: State, parameters: Array) -> Array:
+        """Return the internal strains of a state, (m b n,)."""
+        if not self.branches:
+            return np.zeros(0)
+        return self.relaxed(state.coordinates, parameters).full().ravel() if state.internal is None else state.internal
 
     @cached_property
     def projection(self) -> Array:
@@ -189,19 +232,31 @@ class Equations:
         )
 
     def map_elements(
-        self, name: str, balance: Balance, *vectors: cs.MX, groups: Mapping[int, Group] | None = None
+        self,
+        name: str,
+        balance: Balance,
+        *vectors: cs.MX,
+        groups: Mapping[int, Group] | None = None,
+        overstrains: cs.MX | None = None,
     ) -> list[list[cs.MX]]:
         """Evaluate an element Function for all elements, from coordinates and so on at all nodes, (4 n + 4, s) each.
 
         Each of the s columns is a state of the beam.  For each output of the Function, a list has the values for the
-        elements of each group, side by side, state by state.  Some ``groups`` may be given, by their numbers.
+        elements of each group, side by side, state by state.  Some ``groups`` may be given, by their numbers.  A law
+        with Maxwell branches needs the overstrains, (m b, n s).
         """
         states, c = vectors[0].size2(), cs.vertcat(balance.gravity, balance.coefficients)
         results = []
         for k, group in (dict(enumerate(self.model.groups)) if groups is None else groups).items():
             count = states * group.count
             p = cs.repmat(group.properties(balance.properties, balance.lumped), 1, states)
-            results.append(map_elements(self.element(name, k), *map(group.gather, vectors), p, cs.repmat(c, 1, count)))
+            columns = [*map(group.gather, vectors)]
+            if overstrains is None and name in RELAXING and k == 0:
+                refuse_branches(self.law)
+            elif overstrains is not None and k == 0:
+                places = self.model.beam.elements * np.arange(states)[:, None] + np.arange(group.count)
+                columns.append(overstrains[:, places.ravel().tolist()])
+            results.append(map_elements(self.element(name, k), *columns, p, cs.repmat(c, 1, count)))
         return [list(outputs) for outputs in zip(*results, strict=True)]
 
     @cached_property
@@ -238,8 +293,26 @@ class Balance:
         """Coefficients d of the low-rank part R B diag(d) B^T R^T e_t of the damping force, 1/s."""
         return self.equations.law.modal_coefficients(self.coefficients)
 
+    def strains(self, e: cs.MX) -> cs.MX:
+        """Return the scaled strains of the elements of the beam, (m, n s)."""
+        ((strains,),) = self.equations.map_elements("strains", self, e, groups={0: self.equations.model.groups[0]})
+        return strains
+
+    def strain_products(self, e: cs.MX) -> cs.MX:
+        """Return the entries of V = J^T D J of all elements, in the order of ``Model.entries``."""
+        model = self.equations.model
+        _, (products,) = self.equations.map_elements("gradients", self, e, groups={0: model.groups[0]})
+        return cs.vertcat(cs.vec(products), cs.MX.zeros(model.entries[0].size - products.numel()))
+
+    def overstrains(self, e: cs.MX, internal: cs.MX) -> cs.MX | None:
+        """Return the overstrains of a state, (m b, n), from internal strains (m b n,); None if the law has none."""
+        if not (branches := self.equations.branches):
+            return None
+        return cs.repmat(self.strains(e), branches, 1) - cs.reshape(internal, -1, self.equations.model.beam.elements)
+
     def local_damping(self, e: cs.MX, e_t: cs.MX) -> cs.MX:
         """Return the local part of the damping force."""
+        refuse_branches(self.equations.law)
         model = self.equations.model
         force = self.equations.law.local_force(model, e, e_t, self.properties, self.coefficients)
         damped = any(name.startswith("dashpot") for name in self.lumped)
@@ -293,38 +366,44 @@ class Balance:
         flowing = equations.law.loads(equations.model.beam)
         return self.conservative(e) + self.local_damping(e, still) if flowing else self.conservative(e)
 
-    def local(self, e: cs.MX, e_t: cs.MX, e_tt: cs.MX, load: cs.MX) -> cs.MX:
+    def local(self, e: cs.MX, e_t: cs.MX, e_tt: cs.MX, load: cs.MX, overstrains: cs.MX | None = None) -> cs.MX:
         """Return all forces but the low-rank damping at all nodes, (4 n + 4, s), for loads (3 or 4, s)."""
         equations = self.equations
-        (forces,) = equations.map_elements("balance", self, e, e_t, e_tt)
+        (forces,) = equations.map_elements("balance", self, e, e_t, e_tt, overstrains=overstrains)
         return equations.model.sum_at_nodes(forces) - load_force(equations.model, equations.place, e, load)
 
-    def forces(self, e: cs.MX, e_t: cs.MX, e_tt: cs.MX, load: cs.MX) -> cs.MX:
+    def forces(self, e: cs.MX, e_t: cs.MX, e_tt: cs.MX, load: cs.MX, overstrains: cs.MX | None = None) -> cs.MX:
         """Return the forces at all nodes, (4 n + 4, s), from the same as ``local``."""
-        return self.local(e, e_t, e_tt, load) + self.of_low_rank(e[2:NODE, :], e_t)
+        return self.local(e, e_t, e_tt, load, overstrains) + self.of_low_rank(e[2:NODE, :], e_t)
 
-    def powers(self, e: cs.MX, e_t: cs.MX, e_tt: cs.MX, load: cs.MX) -> cs.MX:
-        """Return the powers lost to damping, supplied by the base and supplied by the load, (3, s), as ``local``."""
+    def powers(self, e: cs.MX, e_t: cs.MX, e_tt: cs.MX, load: cs.MX, overstrains: cs.MX | None = None) -> cs.MX:
+        """Return the powers lost to damping, supplied by the base and supplied by the load, (3, s), as ``local``.
+
+        What Maxwell branches store counts as lost until they give it back.
+        """
         equations = self.equations
-        (by_group,) = equations.map_elements("lost_power", self, e, e_t)
+        (by_group,) = equations.map_elements("lost_power", self, e, e_t, overstrains=overstrains)
         lost = sum(cs.sum1(cs.reshape(by_element, -1, e.size2())) for by_element in by_group)
         lost += self.modal_coefficients.T @ self.modal_velocities(e[2:NODE, :], e_t) ** 2
-        by_base = cs.sum1(e_t[:NODE, :] * self.on_base(e, e_t, e_tt, load))
+        by_base = cs.sum1(e_t[:NODE, :] * self.on_base(e, e_t, e_tt, load, overstrains))
         return cs.vertcat(lost, by_base, cs.sum1(e_t * load_force(equations.model, equations.place, e, load)))
 
-    def on_base(self, e: cs.MX, e_t: cs.MX, e_tt: cs.MX, load: cs.MX) -> cs.MX:
+    def on_base(self, e: cs.MX, e_t: cs.MX, e_tt: cs.MX, load: cs.MX, overstrains: cs.MX | None = None) -> cs.MX:
         """Return the generalized force of the base on the beam, (4, s), from the same as ``local``."""
         equations, groups = self.equations, self.equations.model.groups_at_base
-        (by_element,) = equations.map_elements("balance", self, e, e_t, e_tt, groups=groups)
+        (by_element,) = equations.map_elements("balance", self, e, e_t, e_tt, groups=groups, overstrains=overstrains)
         forces = equations.model.sum_at_nodes(by_element, groups.values()) + self.of_low_rank(e[2:NODE, :], e_t)
         return equations.model.of_base(forces - load_force(equations.model, equations.place, e, load))
 
-    def tangents(self, e: cs.MX, e_t: cs.MX, load: cs.MX) -> tuple[cs.MX, cs.MX, cs.MX]:
+    def tangents(
+        self, e: cs.MX, e_t: cs.MX, load: cs.MX, overstrains: cs.MX | None = None
+    ) -> tuple[cs.MX, cs.MX, cs.MX]:
         """Return the entries of K = d(Q_damp + Q_e - Q_load)/de, D = dQ_damp/de_t and M of all elements, (entries, s).
 
-        The entries are in the order of ``Model.entries`` and omit the low-rank part of the damping force.
+        The entries are in the order of ``Model.entries`` and omit the low-rank part of the damping force.  They are
+        those at constant overstrains.
         """
-        k, d, m = self.equations.map_elements("tangents", self, e, e_t)
+        k, d, m = self.equations.map_elements("tangents", self, e, e_t, overstrains=overstrains)
         columns = [cs.vertcat(*(cs.reshape(block, -1, e.size2()) for block in blocks)) for blocks in (k, d, m)]
         if (place := self.equations.place) is not None:
             places, stiffness = load_stiffness(self.equations.model, place, e, load)

@@ -17,6 +17,9 @@ segments.
 Order.  Undamped high modes lie on the imaginary axis, where backward differentiation formulas of order 3 to 5 are
 unstable, so the order is limited to 2.
 
+Relaxation.  The internal strains of a law with Maxwell branches (``damping.viscoelastic``) are further differential
+unknowns, each in units of the strain that unknowns of size 1 may cause.
+
 Energy.  The three powers of ``Balance.powers`` are integrated with the motion, so that its balance can be checked.
 
 References
@@ -79,12 +82,15 @@ class SemiExplicit:
         x, z, excitation = self._symbols
         model, free, W = self.equations.model, self.equations.free, self.element_frequency
         e, e_t, e_tt = self._motion
-        forces = self._balance.local(e, e_t, e_tt, excitation[3 * NODE :])
+        overstrains = self._overstrains
+        forces = self._balance.local(e, e_t, e_tt, excitation[3 * NODE :], overstrains)
         w = model.beam.length * W * z[free:]
         if w.numel():
             forces += self._balance.modal_damping(e[2:NODE], w)
         modal = (self._balance.modal_velocities(e[2:NODE], e_t) - w) / (model.beam.length * W)
-        outputs = [cs.vertcat(W * x[free:], W * z[:free]), cs.vertcat(model.of_free(forces) / self._divisors, modal)]
+        motion = cs.vertcat(W * x[free : 2 * free], W * z[:free])
+        relaxing = cs.MX(0, 1) if overstrains is None else cs.vec(overstrains) / self._internal_rates
+        outputs = [cs.vertcat(motion, relaxing), cs.vertcat(model.of_free(forces) / self._divisors, modal)]
         options: Any = {"is_diff_in": [True, True, False], "custom_jacobian": self._jacobian}
         options |= {"enable_forward": False, "enable_reverse": False}  # all derivatives come from the Jacobian
         names = ["x", "z", "excitation"], ["x_t", "alg"]
@@ -93,7 +99,7 @@ class SemiExplicit:
     @cached_property
     def powers(self) -> cs.Function:
         """(x, z, excitation) -> powers as in ``Balance.powers``."""
-        powers = self._balance.powers(*self._motion, self._symbols[2][3 * NODE :])
+        powers = self._balance.powers(*self._motion, self._symbols[2][3 * NODE :], self._overstrains)
         return cs.Function("powers", self._symbols, [powers], {"is_diff_in": [False] * 3})
 
     @cached_property
@@ -106,7 +112,55 @@ class SemiExplicit:
         model = self.equations.model
         displacement = (state.coordinates - model.straight) / model.scale
         velocity = state.velocities / (model.scale * self.element_frequency)
-        return np.concatenate([model.of_free(displacement), model.of_free(velocity)])
+        internal = self.equations.internal(state, self.equations.parameters) / self._internal_units
+        return np.concatenate([model.of_free(displacement), model.of_free(velocity), internal])
+
+    def internal(self, x: Array) -> Array:
+        """Return the internal strains of x."""
+        return np.asarray(x[2 * self.equations.free :] * self._internal_units)
+
+    @cached_property
+    def _internal_units(self) -> Array:
+        """Units of the internal strains, (m b n,)."""
+        equations, model = self.equations, self.equations.model
+        if not equations.branches:
+            return np.zeros(0)
+        gradients = self._gradients(cs.MX(cs.DM(model.straight)))
+        sizes = abs(cs.evalf(gradients).full()) @ model.free_scale
+        return np.tile(sizes.reshape(model.beam.elements, 1, -1), (1, equations.branches, 1)).ravel()
+
+    @cached_property
+    def _times(self) -> cs.MX:
+        """Relaxation times of the internal strains, (m b n,), s."""
+        equations, elements = self.equations, self.equations.model.beam.elements
+        _, times = equations.law.branches(self._balance.coefficients)
+        strains = equations.internal_size // (equations.branches * elements)
+        return cs.repmat(cs.kron(times, cs.MX.ones(strains)), elements, 1)
+
+    @cached_property
+    def _internal_rates(self) -> cs.MX:
+        """The rates of the internal unknowns are the overstrains divided by these, (m b n,)."""
+        return self._times * cs.DM(self._internal_units)
+
+    @cached_property
+    def _overstrains(self) -> cs.MX | None:
+        """The overstrains, (m b, n); None if the law does not relax."""
+        internal = self._symbols[0][2 * self.equations.free :] * cs.DM(self._internal_units)
+        return self._balance.overstrains(self._motion[0], internal)
+
+    def _gradients(self, e: cs.MX) -> cs.MX:
+        """Return the derivatives of the scaled strains of all elements by the free coordinates, (m n, N), sparse."""
+        equations, model = self.equations, self.equations.model
+        group = model.groups[0]
+        ((J,), _) = equations.map_elements("gradients", self._balance, e, groups={0: group})
+        strains = J.size1()
+        rows = np.tile(np.arange(strains), group.coordinates.size)
+        rows += strains * np.repeat(np.arange(group.count), strains * group.coordinates.shape[1])
+        columns = np.repeat(group.coordinates.ravel(), strains)
+        order = np.lexsort((rows, columns))
+        size = strains * group.count, model.size
+        pattern = cs.Sparsity.triplet(*size, rows[order].tolist(), columns[order].tolist())
+        return cs.MX(pattern, cs.vec(J)[order.tolist()]) @ model.whole_of_free
 
     @cached_property
     def _jacobian(self) -> cs.Function:
@@ -115,18 +169,36 @@ class SemiExplicit:
         model, free, m = self.equations.model, self.equations.free, self.equations.projection.shape[1]
         W, divisors, balance, (e, e_t, _) = self.element_frequency, self._divisors, self._balance, self._motion
         scale = cs.MX(cs.DM(model.free_scale))
-        tangents = balance.tangents(e, e_t, excitation[3 * NODE :])
+        tangents = balance.tangents(e, e_t, excitation[3 * NODE :], self._overstrains)
         k, d, mass = map(model.free_matrix, tangents)
+        size = self._internal_units.size
+        relaxing, by_internal = cs.MX(0, 2 * free), cs.MX(free, 0)
+        if size:
+            moduli, _ = self.equations.law.branches(balance.coefficients)
+            gradients, count = self._gradients(e), self.equations.branches
+            k += cs.sum1(moduli) * gradients.T @ gradients
+            strains = gradients.size1() // model.beam.elements
+            # rows of all branches of an element follow each other
+            copies = cs.kron(cs.DM.eye(model.beam.elements), cs.kron(cs.DM.ones(count, 1), cs.DM.eye(strains)))
+            gradients, units = cs.sparsify(copies) @ gradients, cs.DM(self._internal_units)
+            weights = cs.repmat(cs.kron(moduli, cs.MX.ones(strains)), model.beam.elements, 1)
+            by_internal = scaled_matrix(-gradients.T, 1 / divisors, weights * units)
+            relaxing = cs.horzcat(scaled_matrix(gradients, 1 / self._internal_rates, scale), cs.MX(size, free))
         length, B, identity = model.beam.length, model.of_free(balance.turned_projection(e)), cs.MX.eye(free)
         none = cs.MX(free, free)
         w_by_v, by_w = scaled_matrix(B.T, cs.MX.ones(m) / length, scale), balance.modal_coefficients * length * W
         jacobians = [
-            cs.horzcat(cs.MX(2 * free, free), cs.vertcat(W * identity, none)),
-            cs.horzcat(cs.vertcat(none, W * identity), cs.MX(2 * free, m)),
-            cs.MX(2 * free, excitation.numel()),
             cs.vertcat(
-                cs.horzcat(scaled_matrix(k, 1 / divisors, scale), scaled_matrix(d, 1 / divisors, scale * W)),
-                cs.horzcat(cs.MX(m, free), w_by_v),
+                cs.horzcat(cs.MX(2 * free, free), cs.vertcat(W * identity, none), cs.MX(2 * free, size)),
+                cs.horzcat(relaxing, -cs.diag(1 / self._times) if size else cs.MX(0, 0)),
+            ),
+            cs.horzcat(cs.vertcat(none, W * identity, cs.MX(size, free)), cs.MX(2 * free + size, m)),
+            cs.MX(2 * free + size, excitation.numel()),
+            cs.vertcat(
+                cs.horzcat(
+                    scaled_matrix(k, 1 / divisors, scale), scaled_matrix(d, 1 / divisors, scale * W), by_internal
+                ),
+                cs.horzcat(cs.MX(m, free), w_by_v, cs.MX(m, size)),
             ),
             cs.vertcat(
                 cs.horzcat(scaled_matrix(mass, 1 / divisors, scale * W**2), scaled_matrix(B, 1 / divisors, by_w)),
@@ -134,7 +206,7 @@ class SemiExplicit:
             ),
             cs.MX(free + m, excitation.numel()),
         ]
-        unused = [cs.MX.sym("out_x_t", cs.Sparsity(2 * free, 1)), cs.MX.sym("out_alg", cs.Sparsity(free + m, 1))]
+        unused = [cs.MX.sym("out_x_t", cs.Sparsity(2 * free + size, 1)), cs.MX.sym("out_alg", cs.Sparsity(free + m, 1))]
         ins = ["x", "z", "excitation", "out_x_t", "out_alg"]
         outs = [f"jac_{of}_{by}" for of in ("x_t", "alg") for by in ins[:3]]
         return cs.Function("jac_residual", [x, z, excitation, *unused], jacobians, ins, outs)
@@ -142,7 +214,8 @@ class SemiExplicit:
     @cached_property
     def _symbols(self) -> tuple[cs.MX, cs.MX, cs.MX]:
         free, m = self.equations.free, self.equations.projection.shape[1]
-        return cs.MX.sym("x", 2 * free), cs.MX.sym("z", free + m), cs.MX.sym("excitation", EXCITATION)
+        unknowns = 2 * free + self.equations.internal_size
+        return cs.MX.sym("x", unknowns), cs.MX.sym("z", free + m), cs.MX.sym("excitation", EXCITATION)
 
     @cached_property
     def _balance(self) -> Balance:
@@ -164,7 +237,7 @@ class SemiExplicit:
         scale, origin = cs.DM(model.free_scale), cs.DM(model.of_free(model.straight))
         moved = (
             origin + scale * x[:free],
-            scale * W * x[free:],
+            scale * W * x[free : 2 * free],
             scale * W**2 * z[:free],
         )
         node = cs.vertsplit(excitation[: 3 * NODE], NODE)
@@ -220,7 +293,7 @@ def integrate_by_idas(
         motions = samples(states.T, unknowns.T, np.linspace(0.0, 1.0, segment.points + 1)[None, :], p)
         ends = np.array([columns.full().T for columns in motions]).swapaxes(0, 1)
         steps = Steps(slopes, segment.instants, ends, work=np.diff(result["qf"].full().T, axis=0, prepend=0.0))
-        end = State(ends[-1, 0], ends[-1, 1], segment.end)
+        end = State(ends[-1, 0], ends[-1, 1], segment.end, form.internal(states[-1]))
         yield SegmentSolution(segment, steps, end, int(run.stats()["nsteps"]))
         x0 = states[-1]
 

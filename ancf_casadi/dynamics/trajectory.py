@@ -64,7 +64,7 @@ class Motion(Reported):
 
     @abstractmethod
     def state(self, index: int) -> State:
-        """Return the state at a sample; one that does not exist raises an ``InputError``."""
+        """Return the state at a sample; one that does not exist, or a law that relaxes, raises an ``InputError``."""
 
     @property
     @abstractmethod
@@ -263,6 +263,7 @@ class Trajectory(Motion):
     @cached_property
     def clamp_force(self) -> Array:
         """Generalized force of the base on the clamped node, (k, 4): force, N, and that conjugate to the slope, N m."""
+        self._check_history("force")
         return self.source.base_force(self.time)
 
     @cached_property
@@ -272,7 +273,10 @@ class Trajectory(Motion):
 
     @property
     def dissipated_energy(self) -> Array:
-        """Energy lost to damping since the start, (k,), J; in a flow that drives the beam, it is negative."""
+        """Energy lost to damping since the start, (k,), J; in a flow that drives the beam, it is negative.
+
+        It includes what a material that relaxes has stored and will lose, or give back.
+        """
         return self._energies[:, 0]
 
     @property
@@ -319,10 +323,15 @@ class Trajectory(Motion):
         )
 
     def state(self, index: int) -> State:
-        """Return the state at a sample; one that does not exist raises an ``InputError``."""
+        """Return the state at a sample; one that does not exist, or a law that relaxes, raises an ``InputError``."""
         index = whole(index, "index", -len(self.time), len(self.time) - 1)
+        self._check_history("state")
         (coordinates,), (velocities,) = self.source.nodes(self.time[[index]], 2)
         return State(coordinates, velocities, float(self.time[index]))
+
+    def _check_history(self, reading: str) -> None:
+        if self.source.relaxes:
+            raise InputError(f"relaxes, so a {reading} depends on the motion before, which is not kept", "damping")
 
     def position(self, point: float) -> Array:
         """Return the position of a point at an arc length (m), (k, 2), m; one off the beam raises an ``InputError``."""

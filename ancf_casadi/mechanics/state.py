@@ -22,6 +22,9 @@ class State(Displayed):
         Rates of the coordinates, m/s and 1/s.
     time : float
         Time on the clock of the base motion and the load, s.
+    internal : array, optional
+        Internal strains of a law that relaxes, branch by branch and element by element, as a run hands them from one
+        time segment to the next.  If not given, the beam has relaxed in its shape.
 
     Raises
     ------
@@ -45,6 +48,7 @@ class State(Displayed):
     coordinates: Array
     velocities: Array
     time: float = 0.0
+    internal: Array | None = None
 
     def __post_init__(self) -> None:
         """Validate, and keep arrays."""

@@ -40,6 +40,7 @@ import casadi as cs
 import numpy as np
 
 from ancf_casadi.damping import DampingLaw
+from ancf_casadi.damping.law import refuse_branches
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.attachments import Dashpot, PointMass, Spring
 from ancf_casadi.mechanics.element import SMOOTHING_SPEED
@@ -170,6 +171,7 @@ class ReducedMotion(ABC):
 
     def damping(self, law: DampingLaw, parameters: Expression, model: Model) -> Expression:
         """Return the force of a damping law of the full model, (m + 2,)."""
+        refuse_branches(law)
         properties = cs.SX(cs.DM(model.properties))
         position, velocity = cs.vertcat(self.q, self.base[:2, :]), cs.vertcat(self.v, self.base[3:5, :])
         local = law.local_force(self, position, velocity, properties, parameters)

@@ -42,7 +42,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ancf_casadi.damping import DampingLaw, RayleighDamping
-from ancf_casadi.dynamics.damped_modes import damping_at_rest
+from ancf_casadi.dynamics.damped_modes import banded, damping_at_rest
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.support.arrays import Array, ComplexArray
@@ -337,17 +337,17 @@ def _responses(
 ) -> ComplexArray:
     """Return the displacements relative to the base that the rows pick, (outputs, inputs, k)."""
     model, B = equilibrium.model, law.projection(equilibrium.model)
-    D, tangent_damping, d = damping_at_rest(model, law)(equilibrium.coordinates)
+    D, tangent_damping, d, V = damping_at_rest(model, law)(equilibrium.coordinates)
     M, d = model.mass(model.properties).sparse(), d.full()
     damping_force = model.of_free(D.sparse() @ translation + B @ (d * (B.T @ translation)))
     inertia_force = model.of_free(M @ translation)
     _, stiffness, mass = equilibrium.structure.linearisation(equilibrium.exact)
-    entries, damping = tangent_damping.sparse().tocoo(), np.zeros_like(stiffness)
-    np.add.at(damping, (BANDWIDTH + entries.row - entries.col, entries.col), entries.data)
+    damping, relaxing = banded(tangent_damping.sparse(), stiffness), banded(V.sparse(), stiffness)
     B, responses = model.of_free(B), []
-    for ω in 2 * np.pi * f:
+    ωs = 2 * np.pi * f
+    for ω, phi in zip(ωs, law.relaxation(1j * ωs), strict=True):
         storage = np.zeros((3 * BANDWIDTH + 1, stiffness.shape[1]), dtype=complex, order="F")
-        storage[BANDWIDTH:] = stiffness + 1j * ω * damping - ω**2 * mass
+        storage[BANDWIDTH:] = stiffness + phi * relaxing + 1j * ω * damping - ω**2 * mass
         factors = BandedFactors.of(storage, BANDWIDTH, 1j * ω * B * d.T, B)
         responses.append(rows @ factors.solve(forces - 1j * ω * damping_force + ω**2 * inertia_force))
     return np.stack(responses, axis=2)

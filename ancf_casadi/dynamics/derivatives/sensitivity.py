@@ -135,6 +135,7 @@ class SensitivityProblem:
             raise SimulationError(f"a sample at {times.max():g} s is after the end of the motion", last)
         pieces = excitation_pieces(self.equations.model, self.base, self.load, first, last, b)
         state, start_jacobian = self._first(model, pieces[0], start_load, theta)
+        relaxed_jacobian = self._tangent.relaxed_jacobian(state, parameters)
         passages: list[Passage] = []
         steps_left = self.most_steps if most_steps is None else most_steps
         for piece in pieces:
@@ -150,6 +151,7 @@ class SensitivityProblem:
             times=times,
             rest=before_start,
             start_jacobian=start_jacobian,
+            relaxed_jacobian=relaxed_jacobian,
             passages=passages,
             samples=motion[:, : self.orders],
             rates=motion[:, 1:] if shifts.size else np.zeros(0),
@@ -269,7 +271,8 @@ class SensitivityProblem:
                 )
             stop_if_interrupted()
         steps, node = RadauSteps.of(self.equations.model, ends), excitation.at(excitation.begin)
-        forces = self._tangent.force_jacobian(*ends[0][1], node, parameters).full()
+        relaxing = [ends[0][4].T] if self.equations.branches else []
+        forces = self._tangent.force_jacobian(*ends[0][1], node, parameters, *relaxing).full()
         jacobian = -np.linalg.solve(self._tangent.form.mass(parameters).full(), forces)
         return steps, jacobian, stepper.state
 

@@ -8,6 +8,13 @@ by Woodbury's identity.  With B_i turned with the clamp at stage i, and U = diag
 
     (A^-1)_ij/h B_i diag(d) B_i^T = (U V^T)_ij,    V_ji = (A^-1)_ij/h B_i.
 
+Relaxation.  If the law has Maxwell branches, u also has the internal strains z_0 at the start of the step, the
+overstrains at stage i depend on the strains at all stages j (``collocation``), and G has the further blocks
+
+    sum_b g_b W^b_ij J_i^T J_j.
+
+The internal strains at the end are functions of Z and u, and start the next step with q and v.
+
 Forward, along a direction du, the last stage of a step starts the next one,
 
     dZ = -G^-1 R_u du,    dV = A^-1 dZ/h,    da = A^-1 (dV - dv)/h.
@@ -44,6 +51,7 @@ from ancf_casadi.dynamics.radau.stepper import RadauSteps
 from ancf_casadi.dynamics.radau.tableau import QUINTIC, RADAU, STAGES, powers
 from ancf_casadi.exceptions import SimulationError
 from ancf_casadi.mechanics.nodes import NODE
+from ancf_casadi.mechanics.state import State
 from ancf_casadi.support.arrays import Array, Index, Layout
 from ancf_casadi.support.banded import BandedFactors, lapack_place, lapack_storage
 from ancf_casadi.support.compilation import Buffered, compile_together
@@ -79,6 +87,7 @@ class MotionRun:
     times: Array  # the samples (k,), s, on the clock of the base motion
     rest: Index  # indices of the samples before the motion, at rest
     start_jacobian: Array  # of the first q and v with respect to theta, b, P, m and s, (2 N, ...)
+    relaxed_jacobian: Array  # of the first internal strains with respect to q and ``parameters``, (m b n, ...)
     passages: list[Passage]  # its smooth pieces
     samples: Array  # nodal coordinates and their time derivatives, (k, orders, rows)
     maps: tuple[Array, Array]  # from the free coordinates and the base to the rows, (rows, N) and (rows, 4)
@@ -169,7 +178,8 @@ class BoundStep:
         """Set Z, h and u to those of the k-th step."""
         z, h, u, _ = self._inputs
         z[:], h[0] = steps.increments[k].ravel(), steps.lengths[k]
-        np.concatenate([steps.q[k], steps.v[k], steps.excitations[k].ravel(), parameters], out=u)
+        data = steps.q[k], steps.v[k], steps.excitations[k].ravel(), parameters, steps.internal[k]
+        np.concatenate(data, out=u)
         return self
 
     def __call__(self) -> list[Array]:
@@ -179,15 +189,19 @@ class BoundStep:
 
 @dataclass(frozen=True, eq=False)
 class Tangent:
-    """The Functions of a linearised step, of Z (N, 3), the step h, and u = (q, v, excitations by stage, parameters)."""
+    """The Functions of a linearised step, of Z (N, 3), the step h, and u.
+
+    u = (q, v, excitations by stage, parameters, z_0).
+    """
 
     form: Collocation
 
     @cached_property
     def layout(self) -> Layout:
         """Layout of u."""
-        parameters = self.form.equations.layout.size
-        return Layout.of(q=self._free, v=self._free, excitations=STAGES * EXCITATION, parameters=parameters)
+        equations, free = self.form.equations, self._free
+        sizes = {"parameters": equations.layout.size, "internal": equations.internal_size}
+        return Layout.of(q=free, v=free, excitations=STAGES * EXCITATION, **sizes)
 
     @cached_property
     def order(self) -> Index:
@@ -203,12 +217,17 @@ class Tangent:
 
     @cached_property
     def force_jacobian(self) -> cs.Function:
-        """(q, v, a, excitation, parameters) -> Jacobian of the forces on the free coordinates, for all inputs but a."""
+        """(q, v, a, excitation, parameters) -> Jacobian of the forces on the free coordinates, for all inputs but a.
+
+        Internal strains, if any, are a further input.
+        """
         q, v, a = (cs.MX.sym(name, self._free) for name in "qva")
         excitation, p = cs.MX.sym("excitation", EXCITATION), cs.MX.sym("p", self.form.equations.layout.size)
-        forces = Collocation(replace(self.form.equations, make=as_they_are)).balance(q, v, a, excitation, p)
-        jacobian = cs.horzcat(*(cs.jacobian(forces, x) for x in (q, v, excitation, p)))
-        return cs.Function("force_jacobian", [q, v, a, excitation, p], [jacobian])
+        balance = Collocation(replace(self.form.equations, make=as_they_are)).balance
+        relaxing = [cs.MX.sym("internal", *balance.size_in(k)) for k in range(5, balance.n_in())]
+        forces = balance(q, v, a, excitation, p, *relaxing)
+        jacobian = cs.horzcat(*(cs.jacobian(forces, x) for x in (q, v, excitation, p, *relaxing)))
+        return cs.Function("force_jacobian", [q, v, a, excitation, p, *relaxing], [jacobian])
 
     @cached_property
     def bandwidth(self) -> int:
@@ -229,12 +248,32 @@ class Tangent:
     def assembly(self) -> scipy.sparse.csr_array:
         """The matrix that sums the entries of K, D/h and M/h^2 of all elements to G, without its low-rank part.
 
-        G is in the band storage of LAPACK, column by column.
+        G is in the band storage of LAPACK, column by column.  The entries of the further blocks (i, j) of a law that
+        relaxes follow, block by block.
         """
-        first = RADAU.inverse
-        return scipy.sparse.csr_array(
-            scipy.sparse.hstack([self._band(w) for w in (np.eye(STAGES), first, first @ first)])
-        )
+        first, equations = RADAU.inverse, self.form.equations
+        bands = [self._band(w) for w in (np.eye(STAGES), first, first @ first)]
+        if equations.branches:
+            size = (2 * NODE) ** 2 * equations.model.beam.elements
+            units = np.eye(STAGES**2).reshape(-1, STAGES, STAGES)
+            # the entries of element matrices of stage i, of which only those of the beam itself are used
+            bands += [self._band(unit)[:, int(unit.argmax()) // STAGES * self._entries :][:, :size] for unit in units]
+        return scipy.sparse.csr_array(scipy.sparse.hstack(bands))
+
+    @property
+    def _entries(self) -> int:
+        """Number of entries of all element matrices."""
+        return int(self.form.equations.model.entries[0].size)
+
+    def _all_entries(self, entries: Array) -> Array:
+        """Return the entries for ``assembly`` from those of ``_linearisation``, which end with W and all J."""
+        if not self.form.equations.branches:
+            return entries
+        count = 3 * STAGES * self._entries
+        weights, gradients = np.split(entries[count:], [STAGES**2])
+        J = gradients.reshape(STAGES, self.form.equations.model.beam.elements, 2 * NODE, -1)
+        blocks = np.einsum("ij,ieam,jebm->ijeba", weights.reshape(STAGES, STAGES, order="F"), J, J)
+        return np.concatenate([entries[:count], blocks.ravel()])
 
     def _linearisation(self, d: int) -> cs.Function:
         """(Z, h, u, du) -> entries of K, D/h and M/h^2 of all elements at the stages, and R_u du for d directions."""
@@ -242,25 +281,74 @@ class Tangent:
         du = cs.MX.sym("du", u.numel(), d)
         motion, load = self._motion(z, h, u)
         all_nodes = [self.form.equations.model.whole(*pair) for pair in motion]
-        (e, e_t, _), balance = all_nodes, self._balance(u)
-        k, damping, m = balance.tangents(e, e_t, load)
-        entries = cs.vertcat(cs.vec(k), cs.vec(damping) / h, cs.vec(m) / h**2)
-        product = cs.densify(cs.jtimes(self._residual(motion, all_nodes, balance, u), u, du)) if d else cs.MX(0, 1)
+        (e, e_t, _), balance, form = all_nodes, self._balance(u), self.form
+        relaxation, further = self._relaxation(motion, balance, h, u), []
+        if relaxation is not None:
+            model = form.equations.model
+            by_stage = np.arange(STAGES * model.beam.elements).reshape(-1, STAGES).T.ravel().tolist()
+            relaxation = relaxation[0][:, by_stage], relaxation[1]
+            (J,), _ = form.equations.map_elements("gradients", balance, e, groups={0: model.groups[0]})
+            moduli, _ = form.equations.law.branches(balance.coefficients)
+            weights = [g * w[0] for g, w in zip(cs.vertsplit(moduli), form.branch_weights(h, balance), strict=True)]
+            further = [cs.vec(sum(weights[1:], weights[0])), cs.vec(J)]
+        k, damping, m = balance.tangents(e, e_t, load, None if relaxation is None else relaxation[0])
+        entries = cs.vertcat(cs.vec(k), cs.vec(damping) / h, cs.vec(m) / h**2, *further)
+        product = cs.densify(cs.jtimes(self._residual(motion, all_nodes, balance, h, u), u, du)) if d else cs.MX(0, 1)
         return cs.Function("linearised", [z, h, u, du], [cs.densify(entries), product], {"is_diff_in": [False] * 4})
 
     def _residual(
-        self, motion: Sequence[tuple[cs.MX, cs.MX]], all_nodes: Sequence[cs.MX], balance: Balance, u: cs.MX
+        self, motion: Sequence[tuple[cs.MX, cs.MX]], all_nodes: Sequence[cs.MX], balance: Balance, h: cs.MX, u: cs.MX
     ) -> cs.MX:
         """Return R (3 N,), stage by stage, from the motion as of ``stage_motion``, and that of all nodes."""
         form, excitations = self.form, cs.reshape(u[self.layout["excitations"]], EXCITATION, STAGES)
         of_links = [form.links.ends(node, free) for free, node in motion]
-        on_links, further = form.forces(of_links, all_nodes, excitations, balance, form.element_columns(balance))
+        relaxation, columns = self._relaxation(motion, balance, h, u), form.element_columns(balance)
+        overstrains = None if relaxation is None else relaxation[0]
+        on_links, further = form.forces(of_links, all_nodes, excitations, balance, columns, overstrains)
         further += balance.of_low_rank(excitations[2:NODE, :], all_nodes[1])
         return cs.vec(form.equations.model.of_free(further + form.links.sum_at_nodes(on_links)))
 
+    def _relaxation(
+        self, motion: Sequence[tuple[cs.MX, cs.MX]], balance: Balance, h: cs.MX, u: cs.MX
+    ) -> tuple[cs.MX, cs.MX] | None:
+        """Return the results of ``Collocation.overstrains``; None if the law does not relax."""
+        form, (free, node) = self.form, motion[0]
+        if not form.equations.branches:
+            return None
+        strains = form.strains(form.links.ends(node, free), form.element_columns(balance))
+        internal = cs.reshape(u[self.layout["internal"]], -1, form.equations.model.beam.elements)
+        return form.overstrains(strains, internal, h, balance)
+
+    def relaxation(self, d: int, *, transposed: bool = False) -> BoundStep:
+        """(Z, h, u, (dZ, du)) -> derivatives of the internal strains at the end for d directions, or their transpose.
+
+        If transposed, the vectors are weights of these internal strains, and the results belong to (Z, u).
+        """
+        if (d, transposed) not in self._relaxations:
+            z, h, u = self._symbols
+            end = self._relaxation(self._motion(z, h, u)[0], self._balance(u), h, u)
+            internal = cs.MX(0, 1) if end is None else cs.vec(end[1])
+            vectors = cs.MX.sym("vectors", internal.numel() if transposed else z.numel() + u.numel(), d)
+            if transposed:
+                products = [cs.jtimes(internal, x, vectors, True) for x in (z, u)]
+                product = cs.vertcat(*(cs.reshape(x, -1, d) for x in products))
+            else:
+                dz, du = cs.vertsplit(vectors, [0, z.numel(), z.numel() + u.numel()])
+                product = cs.jtimes(internal, z, cs.reshape(dz, z.size1(), -1)) + cs.jtimes(internal, u, du)
+            inputs, options = [z, h, u, vectors], {"is_diff_in": [False] * 4}
+            self._relaxations[d, transposed] = BoundStep(
+                cs.Function("relaxation", inputs, [cs.densify(product)], options)
+            )
+        return self._relaxations[d, transposed]
+
+    @cached_property
+    def _relaxations(self) -> dict[tuple[int, bool], BoundStep]:
+        """The Functions of ``relaxation``, as far as used."""
+        return {}
+
     def factors(self, entries: Array, steps: RadauSteps, k: int, modal_coefficients: Array) -> BandedFactors:
         """Return the factors of G for the entries that ``_linearisation`` returns for the k-th step."""
-        storage, h = lapack_storage(self.assembly @ entries, self.bandwidth), float(steps.lengths[k])
+        storage, h = lapack_storage(self.assembly @ self._all_entries(entries), self.bandwidth), float(steps.lengths[k])
         return BandedFactors.of(storage, self.bandwidth, *self.low_rank(steps.excitations[k], h, modal_coefficients))
 
     def modal_coefficients(self, parameters: Array) -> Array:
@@ -299,7 +387,7 @@ class Tangent:
         w = cs.MX.sym("w", len(self.order))
         motion, _ = self._motion(z, h, u)
         all_nodes = [self.form.equations.model.whole(*pair) for pair in motion]
-        product = cs.densify(cs.jtimes(self._residual(motion, all_nodes, self._balance(u), u), u, w, True))
+        product = cs.densify(cs.jtimes(self._residual(motion, all_nodes, self._balance(u), h, u), u, w, True))
         return BoundStep(cs.Function("tangent_product", [z, h, u, w], [product], {"is_diff_in": [False] * 4}))
 
     def _band(self, weights: Array) -> scipy.sparse.csc_array:
@@ -322,6 +410,21 @@ class Tangent:
             shape=((3 * width + 1) * shape[0], shape[1]),
         )
 
+    def relaxed_jacobian(self, state: State, parameters: Array) -> Array:
+        """Return the derivatives of the internal strains in a state by q and the parameters, (m b n, ...)."""
+        equations = self.form.equations
+        if state.internal is not None or not equations.branches:
+            return np.zeros((equations.internal_size, self._free + parameters.size))
+        return np.asarray(self._relaxed_jacobian(state.coordinates, parameters).full())
+
+    @cached_property
+    def _relaxed_jacobian(self) -> cs.Function:
+        equations = replace(self.form.equations, make=as_they_are)
+        e, p = cs.MX.sym("e", equations.model.size), cs.MX.sym("p", equations.layout.size)
+        relaxed = equations.relaxed(e, p)
+        by_q = cs.jacobian(relaxed, e) @ equations.model.whole_of_free
+        return cs.Function("relaxed_jacobian", [e, p], [cs.horzcat(by_q, cs.jacobian(relaxed, p))])
+
     @property
     def _free(self) -> int:
         return self.form.equations.free
@@ -335,7 +438,7 @@ class Tangent:
 
     def _motion(self, z: cs.MX, h: cs.MX, u: cs.MX) -> tuple[list[tuple[cs.MX, cs.MX]], cs.MX]:
         """Return the outputs of ``stage_motion``."""
-        q, v, excitations, _ = cs.vertsplit(u, self.layout.offsets)
+        q, v, excitations, *_ = cs.vertsplit(u, self.layout.offsets)
         return stage_motion(z, q, v, h, cs.reshape(excitations, EXCITATION, STAGES))
 
 
@@ -360,22 +463,28 @@ def forward(tangent: Tangent, run: MotionRun, start: Array, b: Array, parameters
     bound, order = tangent.bound(d), tangent.inverse_order
     du = bound.vectors
     du[:, layout["parameters"]] = parameters.T
+    dz = (run.relaxed_jacobian @ np.vstack([start[:free], parameters])).T
     modal_coefficients = tangent.modal_coefficients(run.parameters)
     for passage in run.passages:
         excitation = passage.excitation
-        by_first = np.vstack([dq.T, dv.T, excitation.jacobian(excitation.begin) @ b, parameters])
+        by_first = np.vstack([dq.T, dv.T, excitation.jacobian(excitation.begin) @ b, parameters, dz.T])
         da = (passage.acceleration_jacobian @ by_first).T
         stages = (passage.stage_jacobians() @ b).reshape(-1, STAGES * EXCITATION, d)
         steps = passage.steps
         for k, (samples, by_stage) in enumerate(zip(passage.samples, stages, strict=True)):
             stop_if_interrupted()
             du[:, layout["q"]], du[:, layout["v"]], du[:, layout["excitations"]] = dq, dv, by_stage.T
+            du[:, layout["internal"]] = dz
             entries, product = bound.at(steps, k, run.parameters)()
             factors = tangent.factors(entries, steps, k, modal_coefficients)
             solved = factors.solve(product.reshape(d, -1)[:, order].T, overwrite=True)
             unordered = np.empty((d, STAGES * free))
             unordered[:, order] = -solved.T
             dZ = unordered.reshape(d, STAGES, free)
+            if dz.size:
+                relaxation = tangent.relaxation(d)
+                relaxation.vectors[:, : unordered.shape[1]], relaxation.vectors[:, unordered.shape[1] :] = unordered, du
+                dz = relaxation.at(steps, k, run.parameters)()[0].reshape(d, -1).copy()
             h = steps.lengths[k]
             dV = (RADAU.inverse @ dZ) / h
             ends = dq, dv, da, dq + dZ[:, -1], dV[:, -1], RADAU.inverse[-1] @ (dV - dv[:, None]) / h
@@ -398,7 +507,9 @@ def reverse(tangent: Tangent, run: MotionRun, weights: Array) -> tuple[Array, Ar
     d, step_layout, (of_free, of_base) = weights.shape[3], tangent.layout, run.maps
     bound, modal_coefficients = tangent.bound(0), tangent.modal_coefficients(run.parameters)
     free = step_layout["q"].stop
-    first_layout = Layout.of(q=free, v=free, excitation=EXCITATION, parameters=run.parameters.size)
+    internal_size = step_layout["internal"].stop - step_layout["internal"].start
+    sizes = {"excitation": EXCITATION, "parameters": run.parameters.size, "internal": internal_size}
+    first_layout, z = Layout.of(q=free, v=free, **sizes), np.zeros((internal_size, d))
     p, b = np.zeros((run.parameters.size, d)), np.zeros((run.passages[0].excitation.parameters.size, d))
     q = v = np.zeros((free, d))
     for passage in reversed(run.passages):
@@ -415,18 +526,28 @@ def reverse(tangent: Tangent, run: MotionRun, weights: Array) -> tuple[Array, Ar
             velocities[-1] += v
             increments = np.einsum("ji,jkl->ikl", RADAU.inverse, velocities) / steps.lengths[k]
             increments[-1] += q
+            weights_of_z = increments.reshape(-1, d)
+            by_relaxation = np.zeros((weights_of_z.shape[0] + step_layout.size, d))
+            if internal_size:
+                relaxation = tangent.relaxation(1, transposed=True).at(steps, k, run.parameters)
+                for column in range(d):
+                    relaxation.vectors[0] = z[:, column]
+                    by_relaxation[:, column] = relaxation()[0].ravel()
             transposed = tangent.transposed.at(steps, k, run.parameters)
-            adjoint = tangent.adjoint_product(transposed, factors, increments.reshape(-1, d))
-            by_q, by_v, by_excitation, parameters = step_layout.split(adjoint)
+            by_increments, direct = np.split(by_relaxation, [weights_of_z.shape[0]])
+            adjoint = tangent.adjoint_product(transposed, factors, weights_of_z + by_increments) + direct
+            by_q, by_v, by_excitation, parameters, z = step_layout.split(adjoint)
             b += np.einsum("sem,sed->md", stages[k], by_excitation.reshape(STAGES, EXCITATION, d))
             p += parameters
             q = ends[0] + q + by_q
             v = ends[1] - by_velocities.sum() * a + by_v
             a = ends[2]
-        by_q, by_v, by_excitation, parameters = first_layout.split(passage.acceleration_jacobian.T @ a)
-        q, v = q + by_q, v + by_v
+        by_q, by_v, by_excitation, parameters, by_internal = first_layout.split(passage.acceleration_jacobian.T @ a)
+        q, v, z = q + by_q, v + by_v, z + by_internal
         b += excitation.jacobian(excitation.begin).T @ by_excitation
         p += parameters
+    by_q, parameters = np.split(run.relaxed_jacobian.T @ z, [free])
+    q, p = q + by_q, p + parameters
     first, still = run.passages[0], weights[run.rest, 0].sum(axis=0)
     b += first.excitation.jacobian(first.excitation.begin)[:NODE].T @ (of_base.T @ still)
     return np.vstack([q + of_free.T @ still, v]), b, p

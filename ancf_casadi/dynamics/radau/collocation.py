@@ -16,6 +16,16 @@ replace one system in 3 N (``elimination``).  D omits the part of low rank: per 
 frequency omega and damping ratio zeta is then multiplied by 2 zeta omega |s|/|s^2 + omega^2|, at most 1.5 zeta, and a
 thousandth in the lightly damped modes that a step resolves.  The columns of B would cost more.
 
+Relaxation.  The internal strains z of a Maxwell branch (``damping.viscoelastic``) are linear in the strains s at the
+stages.  Collocation of tau z_t = s - z from z_0 gives the overstrains there,
+
+    y_i = sum_j W_ij (s_j - z_0),    W = x A^-1 (1 + x A^-1)^-1,    x = tau/h,
+
+and those of the last stage the next z_0.  In the systems with s = gamma/h and s = mu/h, the branch would add phi(s)
+J^T D J with phi(s) = tau s/(1 + tau s), times its relative modulus; alpha + beta h s, the nearest to these three
+numbers, takes its place, so that K and D stay real.  It is exact for short and long relaxation times; the error in
+between, at most 0.1 of the relative modulus, slows down the convergence.  The error estimate omits the branches.
+
 As the beam turns, K changes by its axial part, which is thousands of times stiffer than its bending part; in
 coordinates that turn with the beam, K hardly changes.  Residuals are therefore turned back to the configuration in
 which the matrices were evaluated, and corrections are turned forth from there (``links``).
@@ -53,7 +63,7 @@ from ancf_casadi.dynamics.placed_load import load_force, load_on_element
 from ancf_casadi.dynamics.radau.elimination import BLOCK, LINK
 from ancf_casadi.dynamics.radau.link import VALUES
 from ancf_casadi.dynamics.radau.links import Links, Projection
-from ancf_casadi.dynamics.radau.tableau import RADAU, STAGES
+from ancf_casadi.dynamics.radau.tableau import RADAU, STAGES, overstrain_weights
 from ancf_casadi.mechanics.element import Group
 from ancf_casadi.mechanics.nodes import NODE
 from ancf_casadi.support.arrays import Array
@@ -112,7 +122,8 @@ class Collocation:
         """
         s = self._symbols
         increments, turns, *motion, modal_velocities = self._advance()
-        on_links, further = self._forces(motion, self._whole(motion))
+        overstrains = self._relaxation(motion[0])[0] if self.equations.branches else None
+        on_links, further = self._forces(motion, self._whole(motion), overstrains)
         modal = cs.diag(self._balance.modal_coefficients) @ modal_velocities
         corrections = self._solution(on_links, further[:, 1:], turns, modal)
         size = cs.norm_2(cs.vec(s.weights * corrections))
@@ -120,7 +131,10 @@ class Collocation:
 
     @cached_property
     def finish(self) -> cs.Function:
-        """(``_symbols``, a) -> coordinates at the stages (12, nodes), q, v and a at the end (N, 3), norm of error."""
+        """(``_symbols``, a) -> coordinates at the stages (12, nodes), q, v and a at the end (N, 3), norm of error.
+
+        With Maxwell branches, the internal strains at the end are a further output.
+        """
         s, a, model = self._symbols, cs.MX.sym("a", self.equations.free), self.equations.model
         base, base_rate, *_ = cs.vertsplit(self._base, NODE)
         increments, coordinates = self.links.update(s.corrections, s.turns, s.increments, s.q, base)
@@ -129,7 +143,11 @@ class Collocation:
         e, e_t = (model.whole(x, b[:, -1]) for x, b in zip(end[:2], (base, base_rate), strict=True))
         error = self._error(e, e_t, deviation, deviation_rate)
         size = math.sqrt(STAGES) * cs.norm_2(cs.vec(s.weights[:NODE, :] * error))
-        outputs = [cs.horzcat(cs.vec(base), coordinates), cs.horzcat(*end), size]
+        nodes = cs.horzcat(cs.vec(base), coordinates)
+        outputs = [nodes, cs.horzcat(*end), size]
+        if self.equations.branches:
+            pairs = (x for of_stage in cs.vertsplit(nodes, NODE) for x in (of_stage[:, :-1], of_stage[:, 1:]))
+            outputs.append(self._relaxation(cs.vertcat(*pairs))[1])
         return _function("finish", [*vars(s).values(), a], outputs)
 
     def _error(self, e: cs.MX, e_t: cs.MX, deviation: cs.MX, rate: cs.MX) -> cs.MX:
@@ -163,11 +181,15 @@ class Collocation:
         model, middle = self.equations.model, slice(NODE * MIDDLE, NODE * (MIDDLE + 1))
         e = model.whole(s.q, position) + cs.vertcat(cs.MX(NODE, 1), cs.vec(s.increments[middle, :]))
         balance = self._balance
-        k, d, m = balance.tangents(e, model.whole(s.v, velocity), load)
+        overstrains = balance.overstrains(e, cs.vec(s.internal)) if self.equations.branches else None
+        k, d, m = balance.tangents(e, model.whole(s.v, velocity), load, overstrains)
+        if self.equations.branches:
+            products, (alpha, beta) = balance.strain_products(e), self._newton_weights
+            k, d = k + alpha * products, d + beta * products
         rates = cs.vertcat(RADAU.gamma, RADAU.mu.real, RADAU.mu.imag) / s.h
         k, d, m = self.links.matrices(k, unit=1.0), self.links.matrices(d), self.links.matrices(m)
         outer, inner = self.links.factors(k, d, m, rates)
-        inputs = [s.increments, s.q, s.v, s.h, excitation, s.parameters]
+        inputs = [s.increments, s.q, s.v, s.h, excitation, s.parameters, *self._internal]
         return _function("factors", inputs, [cs.reshape(e, NODE, -1), outer, inner])
 
     @cached_property
@@ -187,9 +209,9 @@ class Collocation:
         )
         return _function("prediction", [nodes, ratio, s.excitations], [increments])
 
-    def accelerations(self, q: Array, v: Array, excitation: Array, parameters: Array) -> Array:
+    def accelerations(self, q: Array, v: Array, excitation: Array, parameters: Array, *internal: Array) -> Array:
         """Return the accelerations a in a state (q, v) under an excitation (16,)."""
-        forces = self.balance(q, v, 0 * q, excitation, parameters).full().ravel()
+        forces = self.balance(q, v, 0 * q, excitation, parameters, *internal).full().ravel()
         return np.asarray(scipy.sparse.linalg.spsolve(self.mass(parameters).sparse(), -forces))
 
     @cached_property
@@ -233,10 +255,56 @@ class Collocation:
         base = cs.vertsplit(self._base, NODE)
         return [self.links.whole(node, of_links) for node, of_links in zip(base, motion, strict=True)]
 
-    def _forces(self, motion: Sequence[cs.MX], all_nodes: Sequence[cs.MX]) -> tuple[cs.MX, cs.MX]:
+    @property
+    def _internal(self) -> list[cs.MX]:
+        """The symbol of the internal strains, if the law has Maxwell branches."""
+        return [self._symbols.internal] if self.equations.branches else []
+
+    def strains(self, coordinates: cs.MX, columns: tuple[cs.MX, cs.MX]) -> cs.MX:
+        """Return the scaled strains of the elements at the stages, (3 m, n), from coordinates of links (24, links)."""
+        equations = self.equations
+        coordinates = cs.reshape(coordinates[:, equations.model.root :], LINK, -1)
+        (strains,) = map_elements(equations.element("strains", 0), coordinates, *columns)
+        return cs.reshape(strains, -1, equations.model.beam.elements)
+
+    def overstrains(self, strains: cs.MX, internal: cs.MX, h: cs.MX, balance: Balance) -> tuple[cs.MX, cs.MX]:
+        """Return the overstrains, (m b, 3 n), one column per element and stage, and the internal strains at the end.
+
+        ``strains`` are those of the same name, and ``internal`` (m b, n) the internal strains at the start.
+        """
+        m, branches = strains.size1() // STAGES, []
+        for first, (weights, *_) in zip(cs.vertsplit(internal, m), self.branch_weights(h, balance), strict=True):
+            overstrains = cs.kron(weights, cs.DM.eye(m)) @ (strains - cs.repmat(first, STAGES, 1))
+            branches.append(cs.reshape(overstrains, m, -1))
+        of_all = cs.vertcat(*branches)
+        return of_all, cs.repmat(strains[-m:, :], len(branches), 1) - of_all[:, STAGES - 1 :: STAGES]
+
+    def branch_weights(self, h: cs.MX, balance: Balance) -> list[list[cs.MX]]:
+        """Return the results of ``overstrain_weights`` of each branch."""
+        _, times = self.equations.law.branches(balance.coefficients)
+        return [overstrain_weights().call([tau / h]) for tau in cs.vertsplit(times)]
+
+    def _relaxation(self, coordinates: cs.MX) -> tuple[cs.MX, cs.MX]:
+        """Return the results of ``overstrains`` from the coordinates of links at the stages, (24, links)."""
+        s = self._symbols
+        strains = self.strains(coordinates, (s.properties, s.constants))
+        return self.overstrains(strains, s.internal, s.h, self._balance)
+
+    @property
+    def _newton_weights(self) -> tuple[cs.MX, cs.MX]:
+        """The weights sum_b g_b alpha_b and sum_b g_b beta_b h of J^T D J in K and D."""
+        moduli, _ = self.equations.law.branches(self._balance.coefficients)
+        of_branches = self.branch_weights(self._symbols.h, self._balance)
+        alpha, beta = zip(*(weights[1:] for weights in of_branches), strict=True)
+        return cs.dot(moduli, cs.vertcat(*alpha)), cs.dot(moduli, cs.vertcat(*beta)) * self._symbols.h
+
+    def _forces(
+        self, motion: Sequence[cs.MX], all_nodes: Sequence[cs.MX], overstrains: cs.MX | None
+    ) -> tuple[cs.MX, cs.MX]:
         """Return the outputs of ``forces`` for the symbols of a step, those on all nodes as columns (12, nodes)."""
         s = self._symbols
-        on_links, further = self.forces(motion, all_nodes, s.excitations, self._balance, (s.properties, s.constants))
+        columns = s.properties, s.constants
+        on_links, further = self.forces(motion, all_nodes, s.excitations, self._balance, columns, overstrains)
         return on_links, self.links.node_by_node(further)
 
     def forces(
@@ -246,6 +314,7 @@ class Collocation:
         excitations: cs.MX,
         balance: Balance,
         columns: tuple[cs.MX, cs.MX],
+        overstrains: cs.MX | None = None,
     ) -> tuple[cs.MX, cs.MX]:
         """Return the forces on both nodes of each link (24, links), and others on all nodes (4 n + 4, 3).
 
@@ -255,7 +324,8 @@ class Collocation:
         equations, model, root = self.equations, self.equations.model, self.equations.model.root
         load = excitations[3 * NODE :, :]
         coordinates = [cs.reshape(x[:, root:] if root else x, LINK, -1) for x in motion]
-        (forces,) = map_elements(equations.element("balance", 0), *coordinates, *columns)
+        relaxing = [] if overstrains is None else [overstrains]
+        (forces,) = map_elements(equations.element("balance", 0), *coordinates, *relaxing, *columns)
         forces, further = cs.reshape(forces, LINK * STAGES, -1), cs.MX(model.size, STAGES)
         if place := equations.place:
             index, _ = model.place_at(place.place(model.beam))
@@ -279,6 +349,8 @@ class Collocation:
         """The inputs of ``stages``, in order, which the other Functions share."""
         free, model, links = self.equations.free, self.equations.model, self.links.count
         elements, constants = model.beam.elements, 2 + len(self.equations.law.parameters)
+        internal = cs.MX.sym("internal", self.equations.internal_size // elements, elements)
+        relaxing = {"internal": internal} if self.equations.branches else {}
         return SimpleNamespace(
             increments=cs.MX.sym("Z", VALUES, links),
             corrections=cs.MX.sym("dW", VALUES, links),
@@ -296,17 +368,20 @@ class Collocation:
             outer=cs.MX.sym("outer", 3 * BLOCK, links),
             inner=cs.MX.sym("inner", 6 * BLOCK, links),
             weights=cs.MX.sym("weights", VALUES, links),
+            **relaxing,
         )
 
     @cached_property
     def balance(self) -> cs.Function:
-        """(q, v, a, excitation, parameters) -> forces on the free coordinates."""
+        """(q, v, a, excitation, parameters) -> forces on the free coordinates; with internal strains, if any."""
         q, v, a = (cs.MX.sym(name, self.equations.free) for name in "qva")
         excitation, model = cs.MX.sym("excitation", EXCITATION), self.equations.model
         *of_base, load = cs.vertsplit(excitation, NODE)
         e, e_t, e_tt = (model.whole(x, b) for x, b in zip((q, v, a), of_base, strict=True))
-        forces = model.of_free(self._balance.forces(e, e_t, e_tt, load))
-        return cs.Function("balance", [q, v, a, excitation, self._symbols.parameters], [forces])
+        internal, inputs = self._internal, [q, v, a, excitation, self._symbols.parameters]
+        overstrains = self._balance.overstrains(e, cs.vec(internal[0])) if internal else None
+        forces = model.of_free(self._balance.forces(e, e_t, e_tt, load, overstrains))
+        return cs.Function("balance", [*inputs, *internal], [forces])
 
 
 @lru_cache(8)

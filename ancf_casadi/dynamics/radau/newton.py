@@ -47,11 +47,11 @@ class Newton:
     """Newton's method for the stage equations of the step being tried, and the arrays that the Functions read in place.
 
     N is the number of free coordinates; arrays with a row per link, or per node, are the columns of ``Collocation``.
-    ``Stepper`` writes ``end``, q, v and a at the end of the last step, and ``nodes``, all coordinates at its start and
-    its stages, when a step is accepted.  For the step being tried, it writes ``time``, its start, s,
-    ``length``, s, ``ratio``, relative to that of the last step, and the ``excitations`` at the stages, and predicts the
-    ``increments`` Z.  ``converge`` writes their last ``corrections`` dW and the ``turns`` of the stages from the
-    reference of the matrices; ``factorise`` writes this reference and the factors.
+    ``Stepper`` writes ``end``, q, v and a at the end of the last step, ``internal``, the internal strains there, and
+    ``nodes``, all coordinates at its start and its stages, when a step is accepted.  For the step being tried, it
+    writes ``time``, its start, s, ``length``, s, ``ratio``, relative to that of the last step, and the ``excitations``
+    at the stages, and predicts the ``increments`` Z.  ``converge`` writes their last ``corrections`` dW and the
+    ``turns`` of the stages from the reference of the matrices; ``factorise`` writes this reference and the factors.
 
     ``iterations`` and ``factorisations`` count the work of the run.  ``contraction`` is the last theta that was
     measured, in an earlier step if the last step took a single iteration.
@@ -66,18 +66,20 @@ class Newton:
         self.excitations = np.zeros((STAGES, EXCITATION))
         self._iterate, self._next = np.zeros((2, 3, links, STAGES, NODE))
         self.corrections, self.increments, self.turns = self._iterate
+        self.internal = np.zeros((model.beam.elements, form.equations.internal_size // model.beam.elements))
+        relaxing = [self.internal] if form.equations.branches else []
         self.iterations = self.factorisations = 0
         self.contraction = 1.0
         motion = *self.end[:2], self.length
         middle = self.excitations[MIDDLE]
-        self._factors = Buffered(form.factors, self.increments, *motion, middle, parameters)
+        self._factors = Buffered(form.factors, self.increments, *motion, middle, parameters, *relaxing)
         reference, *factors = self._factors.outputs
         columns = evaluate_dense(form.columns, parameters)
         trial = self.increments, self.corrections, self.turns, *motion, self.excitations
         weights = np.zeros(NODE * links)  # of corrections at four places per node
         weights[model.first_moved - NODE] = 1 / (model.free_scale * tolerance * math.sqrt(STAGES * free))
         weights = np.repeat(weights.reshape(links, 1, NODE), STAGES, axis=1)
-        self.of_stages = [*trial, reference, parameters, *(x.T for x in columns), *factors, weights]
+        self.of_stages = [*trial, reference, parameters, *(x.T for x in columns), *factors, weights, *relaxing]
         self._stages = Buffered(form.stages, *self.of_stages, outputs=[*self._next])
 
     def factorise(self) -> None:

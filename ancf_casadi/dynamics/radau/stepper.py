@@ -55,15 +55,15 @@ def integrate_by_radau(
         yield SegmentSolution(segment, steps, stepper.state, count)
 
 
-StepEnd = tuple[float, Array, Array, Array]  # ``Stepper.end``
+StepEnd = tuple[float, Array, Array, Array, Array]  # ``Stepper.end``
 
 
 def _step_polynomials(slopes: Slopes, step_ends: Sequence[StepEnd], *, first: bool) -> Steps:
     """Return the steps between ends; ``first``: whether the first one begins the piece."""
-    instants, free, excitations, nodes = (np.array(values) for values in zip(*step_ends, strict=True))
+    instants, free, excitations, nodes, internal = (np.array(values) for values in zip(*step_ends, strict=True))
     bases = excitations[:, -1, : 3 * NODE].reshape(-1, 3, NODE)
     ends = slopes.model.whole(np.moveaxis(free, -1, 0), np.moveaxis(bases, -1, 0))
-    return Steps(slopes, instants, np.moveaxis(ends, 0, -1), _stages(nodes), first=first)
+    return Steps(slopes, instants, np.moveaxis(ends, 0, -1), _stages(nodes), first=first, internal=internal)
 
 
 def _stages(nodes: Array) -> Array:
@@ -81,14 +81,16 @@ class RadauSteps:
     a: Array  # their accelerations
     increments: Array  # of the coordinates at the stages, (s, 3, N)
     excitations: Array  # at the stages, (s, 3, 16)
+    internal: Array  # internal strains at their starts, (s, m b n)
 
     @staticmethod
     def of(model: Model, step_ends: Sequence[StepEnd]) -> RadauSteps:
         """Return the steps between ends."""
-        instants, free, excitations, nodes = (np.array(values) for values in zip(*step_ends, strict=True))
+        instants, free, excitations, nodes, internal = (np.array(values) for values in zip(*step_ends, strict=True))
         q, v, a = np.moveaxis(free[:-1], 1, 0)
         stages = model.of_free(np.moveaxis(_stages(nodes), -1, 0))
-        return RadauSteps(instants, q, v, a, np.moveaxis(stages, 0, -1) - q[:, None], excitations[1:])
+        increments, internal = np.moveaxis(stages, 0, -1) - q[:, None], internal[:-1].reshape(len(q), -1)
+        return RadauSteps(instants, q, v, a, increments, excitations[1:], internal)
 
     @cached_property
     def lengths(self) -> Array:
@@ -122,7 +124,9 @@ class Stepper:
         q, v, a = arrays.end
         q[:], v[:] = model.of_free(start.coordinates), model.of_free(start.velocities)
         arrays.nodes[:] = model.whole(q, first[:NODE]).reshape(-1, 1, NODE)
-        a[:] = form.accelerations(q, v, first, parameters)
+        arrays.internal.reshape(-1)[:] = form.equations.internal(start, parameters)
+        relaxing = [arrays.internal.T] if form.equations.branches else []
+        a[:] = form.accelerations(q, v, first, parameters, *relaxing)
 
         self._finish = Buffered(form.finish, *arrays.of_stages, a)
         trial_inputs = arrays.time, arrays.length, arrays.ratio, arrays.nodes
@@ -135,17 +139,17 @@ class Stepper:
         """The state at the end of the last step."""
         newton = self.newton
         velocities = self._form.equations.model.whole(newton.end[1], newton.excitations[-1, NODE : 2 * NODE])
-        return State(newton.nodes[:, -1].ravel(), velocities, self.now)
+        return State(newton.nodes[:, -1].ravel(), velocities, self.now, newton.internal.ravel())
 
     @property
     def end(self) -> StepEnd:
         """The last step, as results keep it.
 
-        Its end, s; q, v and a there, (3, N); the excitations at its stages, (3, 16), and the coordinates at its start
-        and its stages, (nodes, 4, 4).
+        Its end, s; q, v and a there, (3, N); the excitations at its stages, (3, 16), the coordinates at its start
+        and its stages, (nodes, 4, 4), and the internal strains at its end, (n, m b).
         """
         newton = self.newton
-        return self.now, newton.end.copy(), newton.excitations.copy(), newton.nodes.copy()
+        return self.now, newton.end.copy(), newton.excitations.copy(), newton.nodes.copy(), newton.internal.copy()
 
     def steps_to(self, instant: float) -> Iterator[None]:
         """Take steps until an instant is passed."""
@@ -170,7 +174,7 @@ class Stepper:
             if not iterations:
                 control = control.after_failure(h)
                 continue
-            stages, end, norm = self._finish()
+            stages, end, norm, *internal = self._finish()
             error = norm.item()
             if error <= 1.0:
                 break
@@ -179,6 +183,8 @@ class Stepper:
         self._control = control.after_step(h, error, iterations, newton.contraction, self._largest_step)
         newton.nodes[:, 0] = newton.nodes[:, -1]
         newton.nodes[:, 1:], newton.end[:] = stages.reshape(-1, STAGES, NODE), end.reshape(newton.end.shape)
+        if internal:
+            newton.internal.reshape(-1)[:] = internal[0].ravel()
         self.now += h
         self.steps += 1
 

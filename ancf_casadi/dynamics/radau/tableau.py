@@ -50,6 +50,17 @@ def tableau() -> Tableau:
     return Tableau(nodes, inverse, transform, gamma, mu, embedded, integral)
 
 
+def overstrain_weights() -> cs.Function:
+    """(tau/h) -> W, (3, 3), alpha and beta of a Maxwell branch (``collocation``)."""
+    x, inverse = cs.SX.sym("x"), cs.SX(RADAU.inverse)
+    weights = x * inverse @ cs.inv(cs.SX.eye(STAGES) + x * inverse)
+    (re, im), gamma = (RADAU.mu.real, RADAU.mu.imag), RADAU.gamma
+    size = (1 + x * re) ** 2 + (x * im) ** 2
+    values = cs.vertcat(x * gamma / (1 + x * gamma), x * (re + x * (re**2 + im**2)) / size, x * im / size)
+    fit = cs.DM(np.linalg.pinv(np.array([[1.0, gamma], [1.0, re], [0.0, im]])))
+    return cs.Function("overstrain_weights", [x], [weights, *cs.vertsplit(fit @ values)])
+
+
 def powers(x: Any, orders: int) -> list[list[Any]]:
     """Return 1, x, ..., x^5 and their derivatives up to an order, (orders, 6)."""
     return [[math.perm(k, order) * x ** max(k - order, 0) for k in range(6)] for order in range(orders)]

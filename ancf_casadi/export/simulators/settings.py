@@ -30,6 +30,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from ancf_casadi.damping import DRAG_CONSTANT, DampingLaw, ModalDamping, QuadraticDamping, RayleighDamping, SumOfLaws
+from ancf_casadi.damping.law import refuse_branches
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.export.simulators.segments import (
     SegmentedBeam,
@@ -183,6 +184,7 @@ def damping_coefficients(laws: Iterable[DampingLaw], modes: Modes, amplitude: fl
     alpha = beta = eta1 = eta2 = 0.0
     warnings = []
     for law in laws:
+        refuse_branches(law)
         if any(getattr(law, "flow", ())):
             raise InputError("a flow of air cannot be written for a simulator", "damping")
         if isinstance(law, QuadraticDamping):

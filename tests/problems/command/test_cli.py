@@ -680,7 +680,11 @@ class TestUnusableInput:
             ("ratios = [0.0050,", "ratios = [-0.1,", "[damping]: ratios: 1: must not be negative, got -0.1"),
             ("ratios = [0.0050,", f"ratios = [{'0.01, ' * 16}", "[damping]: ratios: has 20 values for 16 modes"),
             ("ratios = [0.0050,", "rations = [0.0050,", "[damping]: unknown key 'rations'; known are freq"),
-            ('"quadratic"', '"cubic"', "[damping]: law: must be one of rayleigh, quadratic, friction, modal, sum,"),
+            (
+                '"quadratic"',
+                '"cubic"',
+                "[damping]: law: must be one of rayleigh, quadratic, friction, viscoelastic, modal, sum,",
+            ),
             ("frequency = 1.876", "frequency = 0", "[base]: frequency: must be positive, got 0"),
             ("stop = 0.2 ", "stop_at = 'once'\nstop = 'late' ", "[base]: stop: must be a number, got 'late'"),
             ("duration = 0.4", "duration = 0", "[simulation]: duration: must be positive, got 0"),

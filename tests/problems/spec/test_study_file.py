@@ -275,7 +275,10 @@ class TestSimulation:
         ("text", "message"),
         [
             ("[damping]\neta2 = 0.1\n", r"\[damping\]: the key 'law' is missing; it is one of rayleigh, quadratic,"),
-            ("[damping]\nlaw = 'air'\n", r"\[damping\]: law: must be one of rayleigh, quadratic, friction, modal,"),
+            (
+                "[damping]\nlaw = 'air'\n",
+                r"\[damping\]: law: must be one of rayleigh, quadratic, friction, viscoelastic, modal,",
+            ),
             ("[damping]\nlaw = ['modal']\n", r"\[damping\]: law: must be a text, got \['modal'\]"),
             ("[damping]\nlaw = 'quadratic'\nalpha = 1\n", r"\[damping\]: unknown key 'alpha'; known are"),
             ("[damping]\nlaw = 'rayleigh'\nalpha = -1\n", r"\[damping\]: alpha: must not be negative"),

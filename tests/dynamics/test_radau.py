@@ -15,6 +15,7 @@ from ancf_casadi import (
     StrainMeasures,
     natural_modes,
     simulate,
+    static_equilibrium,
 )
 from ancf_casadi.dynamics.equations import Equations, shared_equations
 from ancf_casadi.dynamics.excitation import excitation_pieces
@@ -52,6 +53,20 @@ def test_newtons_method_takes_two_iterations(base, start, end, tolerance):
     run = stepper(Model(Beam.uniform(**BEAM, elements=20)), RayleighDamping(alpha=0.2325), base, start, end, tolerance)
     assert run.newton.iterations < 2.5 * run.steps
     assert run.newton.factorisations < 1.25 * run.steps
+
+
+@pytest.mark.slow
+def test_a_tight_tolerance_is_met_with_matrices_that_serve_several_steps():
+    """Corrections of the links add up along the beam, so those that Newton's method leaves count many times."""
+    model = Model(Beam.uniform(**BEAM, elements=20, axis=(1.0, 0.0), gravity=(0.0, 0.0)))
+    settings = {
+        "damping": RayleighDamping(alpha=0.2, beta=3e-5),
+        "start": static_equilibrium(model, tip_force=(0.0, 0.13)),  # bends the tip aside by 0.6 L
+        "duration": 0.3,
+        "sample_rate": 200.0,
+    }
+    run, accurate = (simulate(model, tolerance=tolerance, **settings) for tolerance in (1e-9, 1e-11))
+    assert abs(run.tip - accurate.tip).max() < 0.5 * 1e-9 * model.beam.length
 
 
 def test_damping_that_the_matrices_omit_does_not_renew_them_in_each_step():

@@ -32,7 +32,7 @@ from ancf_casadi.support.compilation import Buffered, evaluate_dense
 NEWTON_RATIO = 0.001  # relative to the tolerance of the step; with a larger one, the errors of many steps add up
 ERROR_ORDER = 4  # of the error estimate in the step length
 NEWTON_ITERATIONS = 10  # k_max
-STEADY = 1e-3  # contraction of Newton's method below which matrices may be kept
+STEADY = 3e-4  # contraction of Newton's method below which matrices may be kept (test_a_tight_tolerance_is_met_...)
 STALE = 1.5  # ratio of the contraction to that with new matrices below which they may be kept, too,
 SLOW = 1e-2  # unless the contraction is above this (test_after_the_spin_up_of_simo_and_vu_quoc_...)
 KEEP = (0.85, 1.25)  # factors of the length in this range are not applied, so that the matrices can be kept

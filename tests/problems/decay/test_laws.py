@@ -9,7 +9,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from ancf_casadi.decay.smooth import SMOOTH_FREQUENCY
-from ancf_casadi.estimation import solve
+from ancf_casadi.estimation import problem
 from ancf_casadi.exceptions import FitError, InputError
 from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.records.sensor import Sensor
@@ -369,7 +369,7 @@ def test_the_power_law_fits_a_mode_without_damping():
 
 def test_a_fit_that_does_not_converge_starts_again_elsewhere(monkeypatch):
     """The frequency changes by many cycles, which leaves two starts: the peak of the spectrum, and the track."""
-    least_squares, starts = solve.least_squares, []
+    least_squares, starts = problem.least_squares, []
 
     def failing_once(residuals, unknowns, **options):
         starts.append([unknown.guess for unknown in unknowns])
@@ -378,7 +378,7 @@ def test_a_fit_that_does_not_converge_starts_again_elsewhere(monkeypatch):
             raise FitError("no minimum was found", {"iter_count": 300})
         return least_squares(residuals, unknowns, **options)
 
-    monkeypatch.setattr(solve, "least_squares", failing_once)
+    monkeypatch.setattr(problem, "least_squares", failing_once)
     y = record("quadratic", "linear", 1e-4, 6)
     assert fit_decay(TIME, y, law="quadratic", frequency_law="linear").residual_rms == pytest.approx(1e-4, rel=0.05)
     assert starts[0] != starts[1]

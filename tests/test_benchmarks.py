@@ -71,7 +71,7 @@ SMALLEST = [
              lambda failed, seconds: failed == 0 < seconds),
     Smallest("decay_robustness", "--long --runs 2", r"(\d+) of 2 fits failed; processor time (\S+) s", 1,
              lambda failed, seconds: failed == 0 < seconds),
-    Smallest("first_call", "--cases fit --seconds 2.5", r"fit" + 4 * r" +(\S+) \( *(\S+)\)", 1,
+    Smallest("first_call", "--cases fit --seconds 0.5", r"fit" + 4 * r" +(\S+) \( *(\S+)\)", 1,
              lambda first, first_used, second, second_used, *others: first_used > second_used > 0.0, "gcc"),
     selection("fit_coverage", "20-0 or 0-20 or constant-5 or 5-constant", 2),
     Smallest("fit_speed", "--scale 0.1 --case release",

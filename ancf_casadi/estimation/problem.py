@@ -1,11 +1,11 @@
-"""The problem of a fit: blocks of residuals and unknowns, its estimates, and those after a change of its blocks.
+"""The problem of a fit, its blocks of residuals and its unknowns, and its solution, also after blocks have changed.
 
 With the residuals r_b of the blocks b (``block``), in standard deviations, and the distances p of some unknowns from
 their priors in standard deviations, (x - x_0)/s or log(x/x_0)/s (``Unknown.prior_residual``), a fit minimises
 
     1/2 sum_b |G r_b|^2 + 1/2 sum (G p)^2,    log G = sum m_b log G_b / sum m_b.
 
-The common factor G, the geometric mean of all standard deviations that the blocks found in their data, keeps the
+The common factor G, the geometric mean of all standard deviations that the blocks have estimated, keeps the
 likelihood of the normal distribution, so that fits of several laws can be compared by their sums of squares.
 
 The residuals that give better weights are divided by (1 - h)^1/2, with the leverage h, the part of the noise at a
@@ -95,12 +95,12 @@ class FitProblem:
         return self.scale * np.concatenate([*(block.factors for block in self.blocks), np.ones(len(self._priors))])
 
     def fit(self, *, check: bool, jacobian: Array | None = None) -> Fit:
-        """Return the estimates for the weights of the blocks; ``check`` says whether the data must determine them.
+        """Return the fit under the weights of the blocks; ``check`` says whether to check that the data determine it.
 
         ``jacobian`` (m, n) is that of the residuals near the guesses, if it is known.
         """
         try:
-            # fewer residuals are refused below, and so are those in closed form that rounding alone makes depend
+            # too few residuals are refused below, as are unknowns of a closed form that are dependent up to rounding
             if check and not self.closed_form and sum(self.series) >= len(self.unknowns):
                 self._check_determination()
             return self._minimum(jacobian)
@@ -126,7 +126,7 @@ class FitProblem:
         )
 
     def _check_determination(self) -> None:
-        """Refuse unknowns of which the data determine combinations only."""
+        """Refuse unknowns of which the data determine only combinations."""
         negligible = self.scale * math.hypot(*(block.negligible for block in self.blocks))
         try:
             check_determination(self.residuals, self.unknowns, negligible)
@@ -137,12 +137,12 @@ class FitProblem:
             accurate._check_determination()
 
     def has_same_optimum(self, other: FitProblem) -> bool:
-        """Return whether the same unknowns are optimal under other weights: if they differ by a common factor alone."""
+        """Return whether another problem has the same optimum: its weights differ only by a common factor."""
         exact = not any(block.inaccuracy for block in self.blocks)
         return exact and not self.robust and np.allclose(self.factors, other.factors, rtol=1e-9)
 
     def with_blocks(self, changed: Sequence[Block | None]) -> FitProblem:
-        """Return the problem with blocks that have become better or finer in their places."""
+        """Return the problem with changed blocks in place of the old ones; None keeps a block."""
         return replace(self, blocks=tuple(new or old for new, old in zip(changed, self.blocks, strict=True)))
 
     def close(self) -> None:
@@ -166,9 +166,9 @@ def standardised_residuals(fit: Fit) -> Array:
 
 
 def refit(before: FitProblem, problem: FitProblem, fit: Fit, *, keep: bool = False) -> Fit:
-    """Return the estimates of a problem whose blocks have changed, from those of the fit before.
+    """Return the fit of a problem whose blocks have changed, started at the estimates of the fit before.
 
-    ``keep`` says whether the steps begin with the Jacobian of this fit.
+    ``keep`` says whether the first step uses the Jacobian of the fit before.
     """
     started = replace(problem, unknowns=tuple(with_guesses(problem.unknowns, fit.estimates)))
     again = started.fit(check=False, jacobian=reweighted_jacobian(before, problem, fit) if keep else None)

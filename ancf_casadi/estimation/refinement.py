@@ -1,10 +1,10 @@
-"""Refinement of a fit: blocks finer and finer, until their errors shift no estimate by much.
+"""Refinement of a fit: refine the blocks until their discretisation errors shift no estimate by much.
 
 The error of a block's discretisation shifts the estimates.  If the shift of one of them is above ``LARGEST_SHIFT``
 standard errors, the block is refined, and the fit goes on from the estimates.  An error of the derivatives shifts the
 estimates too; its size follows from the change of the Jacobian since the coarser fit.  Once this change is small, finer
-blocks keep the Jacobian, which costs more than the residuals.  Shifts whose size alone is known count once in this
-criterion, and ``DOUBTS`` times in what the fit states.
+blocks keep the Jacobian, which costs more than the residuals.  Shifts of known size but unknown direction count once in
+this criterion, and ``DOUBTS`` times in the shifts that the fit states.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from ancf_casadi.estimation.fit import Fit
 from ancf_casadi.estimation.problem import FitProblem, refit, reweighted_jacobian, standardised_residuals
 from ancf_casadi.support.arrays import Array
 
-LARGEST_SHIFT = 0.1  # typical shift of an estimate by the error of the discretisation, beyond which it is refined
+LARGEST_SHIFT = 0.1  # typical shift of an estimate by the error of the discretisation, above which a block is refined
 KEPT_TURN = LARGEST_SHIFT / 5  # typical shift by the change of the Jacobian, below which finer blocks keep this one
 DOUBTS = 2.0  # shift of unknown direction that a fit states, over its root mean square
 MOST_REFINEMENTS = 6  # of a block
@@ -47,7 +47,7 @@ def refine(problem: FitProblem, fit: Fit) -> tuple[FitProblem, Fit, Array]:
 
 @dataclass(frozen=True, eq=False)
 class Stage:
-    """A fit on its way from coarse to fine blocks."""
+    """A fit at one stage of the refinement of its blocks."""
 
     problem: FitProblem
     fit: Fit
@@ -101,7 +101,7 @@ class Stage:
         )
 
     def changed_weights(self) -> list[Block | None]:
-        """Return the refined blocks with the weights of their residuals, where errors of coarser ones were noise."""
+        """Return blocks with weights by their present residuals, without errors of coarser ones; None if similar."""
         problem = self.problem
         if not any(block.inaccuracy for block in problem.blocks):
             return []
@@ -134,6 +134,6 @@ def jacobian_turn(fit: Fit, coarser: Array) -> Array:
 
 
 def meaningful(shifts: Array, fit: Fit, least_relative: float) -> Array:
-    """Return the sizes (n,) of shifts, in standard errors; 0 where below a part ``least_relative`` of the estimate."""
+    """Return the sizes (n,) of shifts, in standard errors; 0 below the fraction ``least_relative`` of the estimate."""
     sizes = np.abs(shifts)
     return np.where(sizes * fit.errors <= least_relative * np.abs(fit.values), 0.0, sizes)

@@ -1,4 +1,4 @@
-"""Estimation from any mix of measurements: one loop over blocks of residuals (``problem``).
+"""Estimation from any mix of measurements: one loop over the blocks of residuals of a problem (``problem``).
 
 The steps are: check that the data determine the unknowns (``determination``); fit; fit again with the weights that the
 residuals give, for some blocks until these settle; compute the error of each block's discretisation, and refine it

@@ -45,7 +45,7 @@ FORMATS = {
     "mujoco": "mujoco: a model file (MJCF)",
     "pyelastica": "pyelastica: a script with a Cosserat rod",
     "exudyn": "exudyn: a script with the same elements",
-    "newton": "newton: a script with links and hinges, or a curve if the file is named .usda",
+    "newton": "newton: a script with links and hinges, or a USD curve if the file is named .usda",
 }
 UNDAMPED = "{file} has no damping, so that the exported beam swings for ever; {advice}"
 DAMP_TABLES = "add [[damping]] to the file"

@@ -117,7 +117,8 @@ def given_options(options: argparse.Namespace, *names: str) -> dict[str, bool]:
 def refuse_combinations(excluded: Mapping[str, tuple[bool, str, Mapping[str, bool]]]) -> None:
     """Refuse options that do not go together.
 
-    By option: whether it is given, what it does, and what does not go with it, with whether that is given.
+    Each option in ``excluded`` has three entries: whether it is given, what it does, and the settings that do not go
+    with it, each with whether it is present.
     """
     for option, (given, action, others) in excluded.items():
         for name, present in others.items():

@@ -89,7 +89,7 @@ class CurveFileSpec(RecordFile, frozen=True, kw_only=True):
 
 
 class StaticColumnSpec(Spec, frozen=True, kw_only=True):
-    """A column of a file with the readings of a static test, a case per row."""
+    """A column of a file with the readings of a static test, one case per row."""
 
     column: Annotated[ColumnName, Meta(description="column of the values, by name or number from 1")]
     unit: Annotated[str | None, Meta(description="unit of the values, if the file does not say it")] = None
@@ -109,15 +109,15 @@ LOAD_SENSORS = {"force": Sensor("force"), "moment": Sensor("moment"), "point": S
 def si_column(
     contents: Recording, column: ColumnName, key: str, count: int | None, unit: str | None, sensor: Sensor | None = None
 ) -> Array:
-    """Return a column that a key of a table names, in the unit of a sensor, or without one in that of a load."""
+    """Return the column that a key of a table names, in the SI unit of a sensor or, without a sensor, of the load."""
     with error_prefix(key):
         channel = contents.channel(column)
         with error_prefix(f"{contents.path}: column {channel.label}"):
             stated_unit = channel.unit if unit is None else known_unit(unit, "unit")
             if stated_unit is None and (sensor is None or sensor.unit):
                 raise InputError(
-                    "has no unit that is known; write it in the name of the column, or, of readings, masses and "
-                    "forces, as the key unit"
+                    "has no unit that is known; write it in the name of the column or, for readings, masses and "
+                    "forces, give the key unit"
                 )
             if count not in (None, len(channel.values)):
                 raise InputError(f"has {len(channel.values)} rows, but the readings have {count}")

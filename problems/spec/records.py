@@ -156,9 +156,9 @@ class StaticValuesSpec(Spec, frozen=True):
 
 
 class LoadColumnsSpec(Spec, frozen=True):
-    """A load of every case in a file; a text is the column with its values."""
+    """A load in each case of a file; a text names the column with its values."""
 
-    mass: Annotated[float | str | UnsetType, Meta(description="kg; no load where a column has 0")] = UNSET
+    mass: Annotated[float | str | UnsetType, Meta(description="kg; no load in rows where it is 0")] = UNSET
     force: Annotated[tuple[float | str, float | str] | UnsetType, Meta(description="N")] = UNSET
     moment: Annotated[float | str | UnsetType, Meta(description="N m")] = UNSET
     point: Annotated[float | str | UnsetType, Meta(description="m")] = UNSET
@@ -185,7 +185,7 @@ class LoadColumnsSpec(Spec, frozen=True):
 
 
 class StaticFileSpec(RecordFile, frozen=True, kw_only=True):
-    """A file with a case of a static test per row."""
+    """A file with the cases of a static test, one per row."""
 
     load: Annotated[LoadColumnsSpec | tuple[LoadColumnsSpec, ...], Meta(description="of each case, or several")]
 
@@ -195,7 +195,7 @@ class StaticFileSpec(RecordFile, frozen=True, kw_only=True):
         cases: list[list[PointLoad]] = [[] for _ in range(count)]
         for k, load in enumerate(loads, start=1):
             with error_prefix("load" if load is self.load else f"load: {k}"):
-                cases = [case + more for case, more in zip(cases, load.cases(contents, count), strict=True)]
+                cases = [case + added for case, added in zip(cases, load.cases(contents, count), strict=True)]
         return cases
 
 

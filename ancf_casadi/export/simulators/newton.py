@@ -19,8 +19,8 @@ represents one segment of the beam.  A converged step is one of implicit Euler,
     (M + h D + h^2 K) v' = M v - h K q,    q' = q + h v',
 
 which adds a damping ratio of about omega h/2; the bend damping provides the remainder of the ratio of mode 1.  VBD
-converges in 20 iterations only if stretch and shear are soft; a shear stiffness S lowers the frequency of mode k by
-about sqrt(E I m) omega_k/(2 S), with the mass per length m.
+converges in 20 iterations only if stretch and shear are soft; a shear stiffness S lowers the frequency of mode k by a
+fraction of about sqrt(E I m) omega_k/(2 S), with the mass per length m.
 
 References
 ----------
@@ -48,8 +48,8 @@ from ancf_casadi.mechanics.supports import Clamp
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.files import check_file
 
-MIN_AXIAL_INERTIA = 1.2e-10  # of a segment, kg m^2; Newton corrects those below 1e-10
-LARGEST_STEP = 3.0  # h^2 S/(m l) of a step that 20 iterations of VBD solve; 10 leave an error of 1.2 % in frequency
+MIN_AXIAL_INERTIA = 1.2e-10  # moment of inertia of a segment about its axis, kg m^2; Newton changes those below 1e-10
+LARGEST_STEP = 3.0  # h^2 S/(m l) for which 20 iterations of VBD converge; 10 leave an error of 1.2 % in frequency
 
 
 class LinkedBeam(SimulatorBeam):
@@ -96,7 +96,7 @@ class LinkedBeam(SimulatorBeam):
 
 
 class Cable(SimulatorBeam):
-    """A USD curve in Newton, the segments of which are those of the beam but for a fixed half."""
+    """A USD curve in Newton: a fixed first segment, whose middle is at the clamp, and the segments that move."""
 
     @property
     def warnings(self) -> tuple[str, ...]:
@@ -119,7 +119,7 @@ class Cable(SimulatorBeam):
 
     @cached_property
     def chain(self) -> SegmentedBeam:
-        """The segments that move, whose first joint is half a segment behind the clamp."""
+        """The segments that move; their first joint is half a segment beyond the clamp."""
         beam, count = self._beam, self.beam.count
         (support,) = beam.supports
         curvature = beam.natural_curvature or (0.0,)
@@ -156,8 +156,10 @@ class Cable(SimulatorBeam):
     @property
     def stretch_stiffness(self) -> float:
         """Stretch and shear stiffness, N: at most E A; shear changes mode 3 by half the tolerance."""
-        wave: float = math.sqrt(self.bending_stiffness * self._beam.mass_per_length[0]) * self.modes[0][-1]
-        return min(float(self._beam.axial_stiffness[0]), wave / self.request.tolerance)
+        characteristic_force: float = (
+            math.sqrt(self.bending_stiffness * self._beam.mass_per_length[0]) * self.modes[0][-1]
+        )
+        return min(float(self._beam.axial_stiffness[0]), characteristic_force / self.request.tolerance)
 
     @property
     def step(self) -> float:
@@ -167,7 +169,7 @@ class Cable(SimulatorBeam):
 
     @property
     def diameter(self) -> float:
-        """Diameter that the curve has in Newton, m."""
+        """Diameter of the curve, m, at least that for ``MIN_AXIAL_INERTIA``."""
         mass = float(self.chain.masses[0])
         area = self.beam.widths[0] * self.beam.thicknesses[0]
         round_diameter = self.beam.diameters[0] or math.sqrt(4 * area / math.pi)
@@ -175,7 +177,7 @@ class Cable(SimulatorBeam):
 
     @property
     def density(self) -> float:
-        """Density with which the curve has the mass of the beam, kg/m^3."""
+        """Density that gives the curve the mass per length of the beam, kg/m^3."""
         return float(self.chain.masses[0] / self.chain.length / (math.pi * self.diameter**2 / 4))
 
     @property
@@ -187,12 +189,12 @@ class Cable(SimulatorBeam):
 
     @property
     def equilibrium_points(self) -> Sequence[tuple[float, float]]:
-        """Positions of the ends of all segments at rest."""
+        """Positions of the ends of all segments in the equilibrium."""
         return self._points(self.small_motion.equilibrium)
 
     @property
     def unloaded_points(self) -> Sequence[tuple[float, float]]:
-        """Positions of these without load."""
+        """Positions of the ends of all segments without load."""
         return self._points(self.chain.unloaded_angles)
 
     def _points(self, angles: Array) -> Sequence[tuple[float, float]]:
@@ -202,7 +204,7 @@ class Cable(SimulatorBeam):
         return [tuple(point) for point in np.vstack([start, start + np.cumsum(steps, axis=0)]).tolist()]
 
     def beta(self, step: float) -> float:
-        """Return bend damping per stiffness, s, which meets the damping ratio of mode 1 with that of a step."""
+        """Return the bend damping over E I, s, that gives mode 1 its damping ratio together with implicit steps."""
         missing = max(float(self.request.ratios[0]) - self._step_ratio(step), 0.0)
         return missing / self.small_motion.ratio(self._bend_damping(1.0), 0)
 
@@ -210,7 +212,7 @@ class Cable(SimulatorBeam):
         return self.small_motion.damping(np.zeros(3 * self.beam.count), beta * self.chain.stiffness)
 
     def damping(self, mode: int) -> Array:
-        """Return the damping matrix of the joints, without that of a step."""
+        """Return the damping matrix of the joints if they provide the whole damping ratio, without steps."""
         return self._bend_damping(self.beta(0.0))
 
     def transition_matrix(self, mode: int, step: float) -> Array:
@@ -232,8 +234,8 @@ def write_newton(
 ) -> ExportedBeam:
     """Write a beam as a script of Newton: links with hinges in the plane of x and y, released in mode 1.
 
-    The script needs Newton alone.  Its function ``run`` returns time and position of the tip.  If the path ends with
-    ``.usda``, it becomes a USD curve at rest in the plane of x and z, a cable for IsaacLab.
+    The script needs only Newton.  Its function ``run`` returns time and position of the tip.  If the path ends with
+    ``.usda``, the beam is written as a USD curve at rest in the plane of x and z, a cable for IsaacLab.
 
     Parameters
     ----------
@@ -245,8 +247,8 @@ def write_newton(
     Raises
     ------
     InputError, EquilibriumError
-        See ``write_mujoco``; and if a beam with attachments, another support than a rigid clamp, or different sections
-        is to become a curve.
+        See ``write_mujoco``.  A curve needs a rigid clamp, and refuses attachments, rotary inertia of the sections, and
+        a section or a natural curvature that varies along the beam.
 
     Examples
     --------

@@ -265,7 +265,7 @@ class SimulatorBeam(ABC):
 
     @property
     def step(self) -> float | None:
-        """Step that the program needs, s; None for the longest within the tolerance."""
+        """Step that the program needs, s; None for the longest step that meets the tolerance."""
         return None
 
     def speeds(self, mode: int) -> Array:
@@ -354,7 +354,7 @@ def write_with_longest_step(
     step: float | None = None,
     **template_values: Any,
 ) -> ExportedBeam:
-    """Write a beam with a step, or else with the longest that meets the tolerance.
+    """Write a beam with the given step, s, or with the longest step that meets the tolerance if it is None.
 
     ``frequencies``, Hz, and the damping ratio of mode 1, ``ratio``, are those of the beam in the program, continuous in
     time.  ``transition_matrix`` is that of ``SimulatorBeam``, and the template uses ``template_values``.
@@ -384,7 +384,7 @@ def write_with_longest_step(
 
 
 def _step_modes(transition_matrix: Callable[[int, float], Array], step: float) -> tuple[Array, Array] | None:
-    """Return frequencies and damping ratios under a step; None if a mode does not oscillate."""
+    """Return frequencies and damping ratios with a step, s; None if a mode does not oscillate."""
     mode_poles = [poles(transition_matrix(k, step), step, COMPARED_MODES)[:2] for k in range(COMPARED_MODES)]
     if any(len(pole_frequencies) < COMPARED_MODES for pole_frequencies, _ in mode_poles):
         return None
@@ -400,7 +400,7 @@ def _meets_tolerance(
     step: float,
     reached: tuple[Array, Array],
 ) -> bool:
-    """Return whether a step is stable with a margin, and changes frequencies and the first damping ratio little."""
+    """Return whether a step is stable with a margin and keeps frequencies and first damping ratio within tolerance."""
     longer = STABILITY_MARGIN * step
     ratio_tolerance = RATIO_TOLERANCES * request.tolerance * max(ratio, MIN_RATIO)
     return (

@@ -167,9 +167,9 @@ class DampingLaw(Displayed, ABC):
         return cs.MX(0, 1)
 
     def branches(self, parameters: S) -> tuple[S, S]:
-        """Return moduli relative to that of the beam, and relaxation times, s, of the law's Maxwell branches, (b,)."""
-        none = type(parameters)(0, 1)
-        return none, none
+        """Return the moduli relative to that of the beam and the relaxation times, s, of the Maxwell branches, (b,)."""
+        no_branches = type(parameters)(0, 1)
+        return no_branches, no_branches
 
     @abstractmethod
     def damping_ratios(self, modes: Modes, amplitudes: Sequence[float] | Array) -> Array:
@@ -177,11 +177,14 @@ class DampingLaw(Displayed, ABC):
 
     @final
     def relaxation(self, s: ArrayLike) -> ComplexArray:
-        """Return phi(s) = sum_b g_b tau_b s/(1 + tau_b s) of the Maxwell branches: E (1 + phi) is the modulus at s."""
+        """Return phi(s) = sum_b g_b tau_b s/(1 + tau_b s) of the Maxwell branches, for complex frequencies s, 1/s.
+
+        The modulus at s is E (1 + phi).
+        """
         columns = self.branches(cs.MX(cs.DM([parameter.value for parameter in self.parameters])))
         moduli, times = (cs.evalf(column).full().ravel() for column in columns)
-        rates = np.multiply.outer(np.asarray(s), times)
-        return np.asarray((moduli * rates / (1 + rates)).sum(axis=-1))
+        tau_s = np.multiply.outer(np.asarray(s), times)
+        return np.asarray((moduli * tau_s / (1 + tau_s)).sum(axis=-1))
 
     @final
     def force(self, model: Model, e: cs.MX, e_t: cs.MX) -> cs.MX:
@@ -248,8 +251,9 @@ class SumOfLaws(DampingLaw):
 
     def branches(self, parameters: S) -> tuple[S, S]:
         """Return the branches of all terms."""
-        pairs = zip(self.laws, self._split(parameters), strict=True)
-        moduli, times = zip(super().branches(parameters), *(law.branches(x) for law, x in pairs), strict=True)
+        terms = zip(self.laws, self._split(parameters), strict=True)
+        of_terms = [law.branches(law_parameters) for law, law_parameters in terms]
+        moduli, times = zip(super().branches(parameters), *of_terms, strict=True)
         return cs.vertcat(*moduli), cs.vertcat(*times)
 
     def damping_ratios(self, modes: Modes, amplitudes: Sequence[float] | Array) -> Array:
@@ -317,9 +321,11 @@ def _terms(law: DampingLaw) -> tuple[DampingLaw, ...]:
 
 
 def refuse_branches(law: DampingLaw) -> None:
-    """Refuse a law with Maxwell branches where the history of the motion is not known."""
+    """Raise an ``InputError`` for a law with Maxwell branches, where the history of the motion is unknown."""
     if law.branches(cs.MX(len(law.parameters), 1))[0].numel():
-        raise InputError("relaxes, which is not taken into account here; take RayleighDamping instead", "damping")
+        raise InputError(
+            "has a material that relaxes, which is not modelled here; use RayleighDamping instead", "damping"
+        )
 
 
 def rotate_pairs(vectors: V, start: Direction, end: Direction) -> V:

@@ -149,7 +149,7 @@ class FrictionSpec(DampingSpec, frozen=True, tag="friction"):
 
 
 class ViscoelasticSpec(DampingSpec, frozen=True, tag="viscoelastic"):
-    """A material that relaxes: Maxwell branches beside the elastic beam."""
+    """A material that relaxes: Maxwell branches in parallel with the elastic beam."""
 
     described = ViscoelasticDamping
 
@@ -157,7 +157,7 @@ class ViscoelasticSpec(DampingSpec, frozen=True, tag="viscoelastic"):
     times: Annotated[tuple[Positive, ...], Meta(min_length=1, description="relaxation times, s")]
 
     def __post_init__(self) -> None:
-        """Refuse times that are not one per ratio."""
+        """Refuse a number of times other than that of the ratios."""
         if len(self.times) != len(self.ratios):
             raise ValueError(f"times: has {len(self.times)} values for {len(self.ratios)} ratios")
 

@@ -1,8 +1,8 @@
 """Viscoelastic damping: a material that relaxes.
 
-In parallel to the elastic beam, whose modulus E is that after relaxation, Maxwell branches act in axial strain and
-curvature: springs of the moduli g_b E in series with dashpots.  With the strain s at a Gauss point and the internal
-strain z_b that the dashpot has taken,
+Maxwell branches act in axial strain and curvature, in parallel with the elastic beam of the relaxed modulus E.  A
+branch is a spring of modulus g_b E in series with a dashpot.  With the strain s at a Gauss point, the internal strain
+z_b, that of the dashpot, and the overstrain y_b, that of the spring,
 
     tau_b dz_b/dt = y_b,    y_b = s - z_b,    stress = E (s + sum_b g_b y_b).
 
@@ -10,8 +10,8 @@ With the strain energy U = 1/2 sum_i d_i s_i^2 of the element, J = ds/de and D =
 
     Q = J^T D sum_b g_b y_b.
 
-Like the elastic force, it is objective.  The modulus falls from E (1 + sum_b g_b) at once to E in the end; that of a
-vibration s exp(i omega t) is complex,
+Like the elastic force, it is objective.  Under a constant strain, the modulus falls from the instantaneous one,
+E (1 + sum_b g_b), to E.  In a vibration s exp(i omega t), it is complex,
 
     E (1 + sum_b g_b i omega tau_b/(1 + i omega tau_b)).
 
@@ -41,9 +41,9 @@ from ancf_casadi.vibration.modes import Modes
 class ViscoelasticDamping(DampingLaw):
     """A material that relaxes: Maxwell branches in axial strain and curvature.
 
-    The elastic modulus of the beam is that after relaxation.  A motion starts relaxed in its first shape.
-    Simulated motion, its derivatives and fits, ``damped_modes`` and ``linear_frf`` take this law; elsewhere it is
-    refused.  Statics and natural modes are those of the relaxed beam.
+    The elastic modulus of the beam is the relaxed one.  At the start of a motion, the beam is relaxed in its initial
+    shape.  Simulated motion, its derivatives and fits, ``damped_modes`` and ``linear_frf`` accept this law; elsewhere
+    it is refused.  Statics and natural modes are those of the relaxed beam.
 
     Parameters
     ----------
@@ -84,7 +84,7 @@ class ViscoelasticDamping(DampingLaw):
     def parameters(self) -> tuple[Parameter, ...]:
         """The relative moduli, then the relaxation times."""
         pairs = list(enumerate(zip(self.ratios, self.times, strict=True), start=1))
-        least = 1e-6  # usual lower bound of estimates, which must be positive, 1 or s
+        least = 1e-6  # usual lower bound of the estimates, which must be positive; 1 or s
         moduli = [Parameter(f"modulus{k}", g, "1", f"relative modulus of branch {k}", least) for k, (g, _) in pairs]
         times = [Parameter(f"time{k}", tau, "s", f"relaxation time of branch {k}", least) for k, (_, tau) in pairs]
         return (*moduli, *times)
@@ -106,8 +106,8 @@ class ViscoelasticDamping(DampingLaw):
     def damping_ratios(self, modes: Modes, amplitudes: Sequence[float] | Array) -> Array:
         """Return half the loss factor of small vibration in each mode, at any amplitude.
 
-        The ratio is that of the energies lost in a period and stored, with the frequency and the shape of the relaxed
-        beam, which is accurate for small relative moduli.
+        The energies lost per period and stored are those at the frequency and in the mode shape of the relaxed beam,
+        which is accurate for small relative moduli.
         """
         check_instance(modes, "modes", Modes)
         model, shapes, omega = modes.model, modes.shapes, modes.angular_frequencies

@@ -11,14 +11,15 @@ are those of largest 1/(s - sigma) of the operator
 
     (f_1, f_2) -> (q, v),    P(sigma) q = -M f_2 - (D + sigma M) f_1,    v = f_1 + sigma q.
 
-A law that relaxes adds phi(s) V to P(s), with V = J^T D J and phi(s) = sum_b g_b tau_b s/(1 + tau_b s)
-(``damping.viscoelastic``).  Its modes follow from those without the branches by nonlinear inverse iteration,
+With the banded factors of P(sigma) they follow from the matrix of the operator or, if it is large, by Arnoldi's method.
+
+A law that relaxes adds r(s) V to P(s), where r(s) = sum_b g_b tau_b s/(1 + tau_b s), and V = J^T D J is the material
+part of the tangent stiffness (``damping.viscoelastic``).  The modes follow from those without the branches by nonlinear
+inverse iteration with a fixed vector n,
 
     P(s) y = P'(s) phi,    s <- s - (n . phi)/(n . y),    phi <- y/(n . y),
 
-while the moduli g_b grow from 0.  The modes of the branches, which relax without oscillation, are left out.
-
-With the banded factors of P(sigma) they follow from the matrix of the operator or, if it is large, by Arnoldi's method.
+while the moduli g_b grow from 0 in steps.  Modes in which the branches relax without oscillation are left out.
 
 An equilibrium is unstable if some s has a positive real part: by divergence if it is real, as in buckling, by flutter
 if not, as under follower loads.
@@ -61,9 +62,9 @@ from ancf_casadi.vibration.equilibrium import Equilibrium
 from ancf_casadi.vibration.statics import primary_equilibrium, static_equilibrium
 
 DENSE = 800  # size of the operator up to which all its eigenvalues are computed
-MODULUS_STEPS = 10  # in which the moduli of Maxwell branches grow from 0, so that a mode is followed
-MOST_ITERATIONS = 30  # in each of them
-CONVERGED = 1e-6  # relative change of the eigenvalue in the last iteration; the error is about its square
+MODULUS_STEPS = 10  # in which the moduli of Maxwell branches grow from 0, so that each mode can be followed
+MOST_ITERATIONS = 30  # of the inverse iteration in each of these steps
+CONVERGED = 1e-6  # relative change of the eigenvalue in the last iteration; the error is about the square of this
 GROWING = 1e-7  # real part of a growing mode, relative to |s|; rounding leaves 1e-12, or 1e-6 where two modes meet
 
 
@@ -158,7 +159,8 @@ def damped_modes(
     Raises
     ------
     InputError
-        If ``count`` is not a whole number in this range, or the equilibrium belongs to another model.
+        If ``count`` is not a whole number in this range, the equilibrium belongs to another model, or it is unstable
+        under a law that relaxes.
     EquilibriumError
         If no equilibrium is found, or its modes are not.
 
@@ -194,15 +196,17 @@ def damped_modes(
 def _relaxing_modes(
     equilibrium: Equilibrium, law: DampingLaw, eigenvalues: ComplexArray, shapes: ComplexArray
 ) -> tuple[ComplexArray, ComplexArray]:
-    """Return the modes of a law that relaxes from those without its branches, whose moduli grow in steps."""
+    """Return the modes under a law that relaxes, starting from those without its branches."""
     if not equilibrium.stable:
-        raise InputError("is unstable: it creeps away under a law that relaxes, without vibration", "equilibrium")
+        raise InputError(
+            "is unstable: under a law that relaxes, the beam creeps away from it without oscillating", "equilibrium"
+        )
     model, (_, stiffness, mass) = equilibrium.model, equilibrium.structure.linearisation(equilibrium.exact)
-    _, *at_rest = damping_at_rest(model, law)(equilibrium.coordinates)
-    D, d, V = (matrix.sparse() for matrix in at_rest)
+    _, *matrices = damping_at_rest(model, law)(equilibrium.coordinates)
+    D, d, V = (matrix.sparse() for matrix in matrices)
     B, M = model.of_free(law.projection(model)), sparse(mass)
     low_rank = B * d.toarray().ravel()
-    damping, relaxing = banded(D, stiffness), banded(V, stiffness)
+    damping, material_stiffness = banded(D, stiffness), banded(V, stiffness)
     storage = np.zeros((3 * BANDWIDTH + 1, len(shapes)), dtype=complex, order="F")
     for k in np.flatnonzero(eigenvalues):
         s, x = complex(eigenvalues[k]), shapes[:, k]
@@ -210,17 +214,19 @@ def _relaxing_modes(
         for modulus in np.linspace(0.0, 1.0, MODULUS_STEPS + 1)[1:].tolist():
             for _ in range(MOST_ITERATIONS):
                 nearby = s * (1 + 1e-6)
-                phi, phi_nearby = (modulus * law.relaxation(z) for z in (s, nearby))
-                storage[BANDWIDTH:] = stiffness + phi * relaxing + s * damping + s**2 * mass
-                rate = (phi_nearby - phi) / (nearby - s)
-                change = D @ x + low_rank @ (B.T @ x) + 2 * s * (M @ x) + rate * (V @ x)
-                y = BandedFactors.of(storage.copy(order="F"), BANDWIDTH, s * low_rank, B).solve(change)
+                r, r_nearby = (modulus * law.relaxation(z) for z in (s, nearby))
+                storage[BANDWIDTH:] = stiffness + r * material_stiffness + s * damping + s**2 * mass
+                r_derivative = (r_nearby - r) / (nearby - s)
+                right_side = D @ x + low_rank @ (B.T @ x) + 2 * s * (M @ x) + r_derivative * (V @ x)
+                y = BandedFactors.of(storage.copy(order="F"), BANDWIDTH, s * low_rank, B).solve(right_side)
                 x, step = y / (normal @ y), (normal @ x) / (normal @ y)
                 s -= complex(step)
                 if abs(step) <= CONVERGED * abs(s):
                     break
             else:
-                raise EquilibriumError(f"mode {k + 1} was not found under branches of such moduli")
+                raise EquilibriumError(
+                    f"the iteration for mode {k + 1} does not converge; smaller ratios of the branches may help"
+                )
         eigenvalues[k], shapes[:, k] = s, x / np.linalg.norm(x)
     return eigenvalues, shapes
 
@@ -354,7 +360,7 @@ def _largest(inverse: Callable[[Array], Array], size: int, count: int) -> tuple[
 
 
 def banded(matrix: scipy.sparse.csc_array, like: Array) -> Array:
-    """Return a sparse matrix in the band storage of another one."""
+    """Return a sparse matrix in the same band storage as another matrix."""
     entries, storage = matrix.tocoo(), np.zeros_like(like)
     np.add.at(storage, (BANDWIDTH + entries.row - entries.col, entries.col), entries.data)
     return storage
@@ -362,9 +368,9 @@ def banded(matrix: scipy.sparse.csc_array, like: Array) -> Array:
 
 @keep_last(8)
 def damping_at_rest(model: Model, law: DampingLaw) -> cs.Function:
-    """(e) -> D at rest without its low-rank part, of all and of the free coordinates, and d of the low-rank part.
+    """(e) -> D at rest without its low-rank part, of all and of the free coordinates, d of the low-rank part, and V.
 
-    The last result is V = J^T D J of the free coordinates, empty if the law does not relax.
+    V, of the free coordinates, has no entries if the law does not relax.
     """
     equations, e = Equations(model, law), cs.MX.sym("e", model.size)
     terms = equations.balance(cs.MX(cs.DM(equations.parameters)))

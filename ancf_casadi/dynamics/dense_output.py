@@ -122,10 +122,9 @@ class Steps:
     internal: Array | None = None  # internal strains at the ends of Radau's steps, (m + 1, n, m b)
 
     def slopes(self, owners: Index, x: Array, orders: int) -> Iterator[tuple[slice, Array, Array]]:
-        """Yield the slopes and their time derivatives, (orders, k, s), and the same of the beam's own beginning.
+        """Yield slices of the instants, their slopes and time derivatives, (orders, k, s), and those of the beginning.
 
-        The slices choose the instants, some at a time.  The polynomials are not kept: they need as much memory as the
-        steps.
+        The slices follow each other.  The polynomials are not kept, because they need as much memory as the steps.
         """
         lengths, logarithms, beginnings = np.diff(self.instants), self._logarithms(), self._beginnings()
         for start in range(0, owners.size, INSTANTS_TOGETHER):
@@ -312,7 +311,7 @@ class DenseMotion(MotionSource):
 
     @property
     def relaxes(self) -> bool:
-        """Whether the law has Maxwell branches, whose internal strains are known at the ends of the steps alone."""
+        """Whether the law has Maxwell branches, whose internal strains are known only at the ends of the steps."""
         return bool(self._equations.branches)
 
     def base_force(self, times: Array) -> Array:
@@ -373,7 +372,7 @@ class DenseMotion(MotionSource):
         return np.asarray(np.einsum("ems,cs,m->mce", powers, RADAU.integral, h))
 
     def _overstrains(self, steps: Steps, stages: Array) -> list[Array]:
-        """Return the overstrains at the stages of some steps of Radau, (m b n, 3 s), if the law relaxes."""
+        """Return the overstrains at the stages of some steps of Radau, (m b n, 3 s); an empty list without branches."""
         equations = self._equations
         if not equations.branches or steps.internal is None:
             return []
@@ -453,9 +452,9 @@ class DenseMotion(MotionSource):
         equations = self._equations
         e, e_t, e_tt = (cs.MX.sym(name, self.model.size) for name in ("e", "e_t", "e_tt"))
         load, balance = cs.MX.sym("load", NODE), equations.balance(cs.MX(cs.DM(equations.parameters)))
-        relaxing = [cs.MX.sym("y", equations.internal_size)] if equations.branches else []
-        overstrains = [cs.reshape(y, -1, self.model.beam.elements) for y in relaxing]
-        values, inputs = cs.densify(term(balance, e, e_t, e_tt, load, *overstrains)), [e, e_t, e_tt, load, *relaxing]
+        overstrains = [cs.MX.sym("y", equations.internal_size)] if equations.branches else []
+        by_element = [cs.reshape(y, -1, self.model.beam.elements) for y in overstrains]
+        values, inputs = cs.densify(term(balance, e, e_t, e_tt, load, *by_element)), [e, e_t, e_tt, load, *overstrains]
         return cs.Function(term.__name__, inputs, [values], {"is_diff_in": [False] * len(inputs)})
 
     @property

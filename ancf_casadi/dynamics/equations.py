@@ -48,9 +48,9 @@ from ancf_casadi.support.arrays import Array, Layout
 from ancf_casadi.support.last_calls import keep_last
 
 ELEMENTS_PER_CALL = 10  # elements per call of a compiled Function
-OF_A_STEP = ("balance", "tangents", "resistance")  # element Functions that every step needs, compiled side by side
-OF_BRANCHES = ("strains", "gradients")  # further ones under a law with Maxwell branches
-RELAXING = ("balance", "lost_power", "tangents")  # Functions of an element that the branches contribute to
+OF_A_STEP = ("balance", "tangents", "resistance")  # element Functions that each step needs, compiled in parallel
+OF_BRANCHES = ("strains", "gradients")  # element Functions that a law with Maxwell branches needs besides
+RELAXING = ("balance", "lost_power", "tangents")  # element Functions to which Maxwell branches contribute
 
 Make = Callable[[Sequence[cs.Function]], list[cs.Function]]  # compiles Functions, or leaves them to the virtual machine
 
@@ -147,9 +147,9 @@ class Equations:
             make, branches = self.make if elements.count > 1 else as_they_are, 0 if group else self.branches
             together = (*OF_A_STEP, *OF_BRANCHES) if branches else OF_A_STEP
             names, compiled = together if name in together else (name,), make is not as_they_are
-            functions = make([element_function(each, elements.element, self.law, compiled, branches) for each in names])
+            functions = make([element_function(key, elements.element, self.law, compiled, branches) for key in names])
             self._element_functions.update(
-                ((each, group), function) for each, function in zip(names, functions, strict=True)
+                ((key, group), function) for key, function in zip(names, functions, strict=True)
             )
         return self._element_functions[name, group]
 
@@ -242,8 +242,8 @@ class Equations:
         """Evaluate an element Function for all elements, from coordinates and so on at all nodes, (4 n + 4, s) each.
 
         Each of the s columns is a state of the beam.  For each output of the Function, a list has the values for the
-        elements of each group, side by side, state by state.  Some ``groups`` may be given, by their numbers.  A law
-        with Maxwell branches needs the overstrains, (m b, n s).
+        elements of each group, side by side, state by state.  Some ``groups`` may be given, by their numbers.  Under a
+        law with Maxwell branches, the Functions in ``RELAXING`` need the overstrains, (m b, n s).
         """
         states, c = vectors[0].size2(), cs.vertcat(balance.gravity, balance.coefficients)
         results = []
@@ -305,7 +305,7 @@ class Balance:
         return cs.vertcat(cs.vec(products), cs.MX.zeros(model.entries[0].size - products.numel()))
 
     def overstrains(self, e: cs.MX, internal: cs.MX) -> cs.MX | None:
-        """Return the overstrains of a state, (m b, n), from internal strains (m b n,); None if the law has none."""
+        """Return the overstrains of a state, (m b, n), from internal strains (m b n,); None without branches."""
         if not (branches := self.equations.branches):
             return None
         return cs.repmat(self.strains(e), branches, 1) - cs.reshape(internal, -1, self.equations.model.beam.elements)
@@ -379,7 +379,7 @@ class Balance:
     def powers(self, e: cs.MX, e_t: cs.MX, e_tt: cs.MX, load: cs.MX, overstrains: cs.MX | None = None) -> cs.MX:
         """Return the powers lost to damping, supplied by the base and supplied by the load, (3, s), as ``local``.
 
-        What Maxwell branches store counts as lost until they give it back.
+        The energy stored in Maxwell branches counts as lost until they return it.
         """
         equations = self.equations
         (by_group,) = equations.map_elements("lost_power", self, e, e_t, overstrains=overstrains)
@@ -400,8 +400,8 @@ class Balance:
     ) -> tuple[cs.MX, cs.MX, cs.MX]:
         """Return the entries of K = d(Q_damp + Q_e - Q_load)/de, D = dQ_damp/de_t and M of all elements, (entries, s).
 
-        The entries are in the order of ``Model.entries`` and omit the low-rank part of the damping force.  They are
-        those at constant overstrains.
+        The entries are in the order of ``Model.entries`` and omit the low-rank part of the damping force.  The
+        overstrains are held constant.
         """
         k, d, m = self.equations.map_elements("tangents", self, e, e_t, overstrains=overstrains)
         columns = [cs.vertcat(*(cs.reshape(block, -1, e.size2()) for block in blocks)) for blocks in (k, d, m)]

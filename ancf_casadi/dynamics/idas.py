@@ -18,7 +18,7 @@ Order.  Undamped high modes lie on the imaginary axis, where backward differenti
 unstable, so the order is limited to 2.
 
 Relaxation.  The internal strains of a law with Maxwell branches (``damping.viscoelastic``) are further differential
-unknowns, each in units of the strain that unknowns of size 1 may cause.
+unknowns, each in units of the largest strain that displacement unknowns up to 1 cause.
 
 Energy.  The three powers of ``Balance.powers`` are integrated with the motion, so that its balance can be checked.
 
@@ -89,8 +89,8 @@ class SemiExplicit:
             forces += self._balance.modal_damping(e[2:NODE], w)
         modal = (self._balance.modal_velocities(e[2:NODE], e_t) - w) / (model.beam.length * W)
         motion = cs.vertcat(W * x[free : 2 * free], W * z[:free])
-        relaxing = cs.MX(0, 1) if overstrains is None else cs.vec(overstrains) / self._internal_rates
-        outputs = [cs.vertcat(motion, relaxing), cs.vertcat(model.of_free(forces) / self._divisors, modal)]
+        internal_rates = cs.MX(0, 1) if overstrains is None else cs.vec(overstrains) / self._internal_rates
+        outputs = [cs.vertcat(motion, internal_rates), cs.vertcat(model.of_free(forces) / self._divisors, modal)]
         options: Any = {"is_diff_in": [True, True, False], "custom_jacobian": self._jacobian}
         options |= {"enable_forward": False, "enable_reverse": False}  # all derivatives come from the Jacobian
         names = ["x", "z", "excitation"], ["x_t", "alg"]
@@ -139,7 +139,7 @@ class SemiExplicit:
 
     @cached_property
     def _internal_rates(self) -> cs.MX:
-        """The rates of the internal unknowns are the overstrains divided by these, (m b n,)."""
+        """Divisors of the overstrains that give the rates of the internal unknowns, (m b n,)."""
         return self._times * cs.DM(self._internal_units)
 
     @cached_property
@@ -149,7 +149,7 @@ class SemiExplicit:
         return self._balance.overstrains(self._motion[0], internal)
 
     def _gradients(self, e: cs.MX) -> cs.MX:
-        """Return the derivatives of the scaled strains of all elements by the free coordinates, (m n, N), sparse."""
+        """Return the Jacobian of the scaled strains of all elements for the free coordinates, (m n, N), sparse."""
         equations, model = self.equations, self.equations.model
         group = model.groups[0]
         ((J,), _) = equations.map_elements("gradients", self._balance, e, groups={0: group})
@@ -172,25 +172,26 @@ class SemiExplicit:
         tangents = balance.tangents(e, e_t, excitation[3 * NODE :], self._overstrains)
         k, d, mass = map(model.free_matrix, tangents)
         size = self._internal_units.size
-        relaxing, by_internal = cs.MX(0, 2 * free), cs.MX(free, 0)
+        internal_by_motion, by_internal = cs.MX(0, 2 * free), cs.MX(free, 0)
         if size:
             moduli, _ = self.equations.law.branches(balance.coefficients)
             gradients, count = self._gradients(e), self.equations.branches
             k += cs.sum1(moduli) * gradients.T @ gradients
             strains = gradients.size1() // model.beam.elements
-            # rows of all branches of an element follow each other
+            # the rows of an element are repeated for each of its branches
             copies = cs.kron(cs.DM.eye(model.beam.elements), cs.kron(cs.DM.ones(count, 1), cs.DM.eye(strains)))
             gradients, units = cs.sparsify(copies) @ gradients, cs.DM(self._internal_units)
             weights = cs.repmat(cs.kron(moduli, cs.MX.ones(strains)), model.beam.elements, 1)
             by_internal = scaled_matrix(-gradients.T, 1 / divisors, weights * units)
-            relaxing = cs.horzcat(scaled_matrix(gradients, 1 / self._internal_rates, scale), cs.MX(size, free))
+            by_q = scaled_matrix(gradients, 1 / self._internal_rates, scale)
+            internal_by_motion = cs.horzcat(by_q, cs.MX(size, free))
         length, B, identity = model.beam.length, model.of_free(balance.turned_projection(e)), cs.MX.eye(free)
         none = cs.MX(free, free)
         w_by_v, by_w = scaled_matrix(B.T, cs.MX.ones(m) / length, scale), balance.modal_coefficients * length * W
         jacobians = [
             cs.vertcat(
                 cs.horzcat(cs.MX(2 * free, free), cs.vertcat(W * identity, none), cs.MX(2 * free, size)),
-                cs.horzcat(relaxing, -cs.diag(1 / self._times) if size else cs.MX(0, 0)),
+                cs.horzcat(internal_by_motion, -cs.diag(1 / self._times) if size else cs.MX(0, 0)),
             ),
             cs.horzcat(cs.vertcat(none, W * identity, cs.MX(size, free)), cs.MX(2 * free + size, m)),
             cs.MX(2 * free + size, excitation.numel()),

@@ -64,7 +64,7 @@ class Motion(Reported):
 
     @abstractmethod
     def state(self, index: int) -> State:
-        """Return the state at a sample; one that does not exist, or a law that relaxes, raises an ``InputError``."""
+        """Return the state at a sample; a missing sample, or a law that relaxes, raises an ``InputError``."""
 
     @property
     @abstractmethod
@@ -275,7 +275,7 @@ class Trajectory(Motion):
     def dissipated_energy(self) -> Array:
         """Energy lost to damping since the start, (k,), J; in a flow that drives the beam, it is negative.
 
-        It includes what a material that relaxes has stored and will lose, or give back.
+        It includes energy that is stored in a material that relaxes, and will be dissipated or returned.
         """
         return self._energies[:, 0]
 
@@ -323,15 +323,17 @@ class Trajectory(Motion):
         )
 
     def state(self, index: int) -> State:
-        """Return the state at a sample; one that does not exist, or a law that relaxes, raises an ``InputError``."""
+        """Return the state at a sample; a missing sample, or a law that relaxes, raises an ``InputError``."""
         index = whole(index, "index", -len(self.time), len(self.time) - 1)
         self._check_history("state")
         (coordinates,), (velocities,) = self.source.nodes(self.time[[index]], 2)
         return State(coordinates, velocities, float(self.time[index]))
 
-    def _check_history(self, reading: str) -> None:
+    def _check_history(self, quantity: str) -> None:
         if self.source.relaxes:
-            raise InputError(f"relaxes, so a {reading} depends on the motion before, which is not kept", "damping")
+            raise InputError(
+                f"relaxes, so the {quantity} depends on internal strains, which are not kept at samples", "damping"
+            )
 
     def position(self, point: float) -> Array:
         """Return the position of a point at an arc length (m), (k, 2), m; one off the beam raises an ``InputError``."""

@@ -18,7 +18,7 @@ from ancf_casadi.mechanics.model import Model
 from ancf_casadi.support.arrays import Array
 
 MAX_BEND = 0.5  # of an element, rad; the error of positions is then 3e-4 of the length, and grows steeply
-SHAPES_TOGETHER = 1024
+SHAPES_TOGETHER = 1024  # shapes of the beam whose angles are computed at once
 SHORTEST_PER_BEND = 0.9  # thicknesses per rad; an arc of shorter elements is unstable
 
 
@@ -31,7 +31,7 @@ def largest_bend(model: Model, coordinates: Array) -> float:
 
 
 def _end_angles(model: Model, coordinates: Array) -> Iterator[Array]:
-    """Yield the angles to the chords (k, n, 2) in some coordinates (..., size), some at a time to save memory."""
+    """Yield the angles to the chords (k, n, 2) in coordinates (..., size), of k shapes at a time to save memory."""
     shapes = coordinates.reshape(-1, model.size)
     for start in range(0, len(shapes), SHAPES_TOGETHER):
         yield model.end_angles(shapes[start : start + SHAPES_TOGETHER])

@@ -23,8 +23,8 @@ class State(Displayed):
     time : float
         Time on the clock of the base motion and the load, s.
     internal : array, optional
-        Internal strains of a law that relaxes, branch by branch and element by element, as a run hands them from one
-        time segment to the next.  If not given, the beam has relaxed in its shape.
+        Internal strains of a law that relaxes: element by element and, in each element, branch by branch.  A run hands
+        them from one time segment to the next.  If not given, the beam is relaxed in its shape.
 
     Raises
     ------

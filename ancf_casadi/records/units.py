@@ -214,7 +214,7 @@ def known_unit(text: object, where: str) -> Unit:
 
 
 def mass_factor(unit: Unit) -> float:
-    """Return the kg per unit of a mass; g, mg and ug, elsewhere accelerations, are grams."""
+    """Return the kg per unit of a mass; g, mg and ug, which are accelerations elsewhere, are masses here."""
     if unit.quantity == "acceleration" and re.fullmatch(r"[\d.eE+* -]*[muµμ]?g", unit.symbol):
         return 1e-3 * unit.factor / STANDARD_GRAVITY
     if unit.quantity != "mass":

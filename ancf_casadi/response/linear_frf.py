@@ -342,12 +342,12 @@ def _responses(
     damping_force = model.of_free(D.sparse() @ translation + B @ (d * (B.T @ translation)))
     inertia_force = model.of_free(M @ translation)
     _, stiffness, mass = equilibrium.structure.linearisation(equilibrium.exact)
-    damping, relaxing = banded(tangent_damping.sparse(), stiffness), banded(V.sparse(), stiffness)
+    damping, material_stiffness = banded(tangent_damping.sparse(), stiffness), banded(V.sparse(), stiffness)
     B, responses = model.of_free(B), []
     ωs = 2 * np.pi * f
-    for ω, phi in zip(ωs, law.relaxation(1j * ωs), strict=True):
+    for ω, r in zip(ωs, law.relaxation(1j * ωs), strict=True):
         storage = np.zeros((3 * BANDWIDTH + 1, stiffness.shape[1]), dtype=complex, order="F")
-        storage[BANDWIDTH:] = stiffness + phi * relaxing + 1j * ω * damping - ω**2 * mass
+        storage[BANDWIDTH:] = stiffness + r * material_stiffness + 1j * ω * damping - ω**2 * mass
         factors = BandedFactors.of(storage, BANDWIDTH, 1j * ω * B * d.T, B)
         responses.append(rows @ factors.solve(forces - 1j * ω * damping_force + ω**2 * inertia_force))
     return np.stack(responses, axis=2)

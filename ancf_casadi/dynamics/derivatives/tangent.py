@@ -8,8 +8,9 @@ by Woodbury's identity.  With B_i turned with the clamp at stage i, and U = diag
 
     (A^-1)_ij/h B_i diag(d) B_i^T = (U V^T)_ij,    V_ji = (A^-1)_ij/h B_i.
 
-Relaxation.  If the law has Maxwell branches, u also has the internal strains z_0 at the start of the step, the
-overstrains at stage i depend on the strains at all stages j (``collocation``), and G has the further blocks
+Relaxation.  If the law has Maxwell branches, u also holds the internal strains z_0 at the start of the step.  The
+overstrains at stage i depend on the strains at all stages j (``collocation``); with the Jacobian J_i of the scaled
+strains at stage i, this adds to the blocks of G
 
     sum_b g_b W^b_ij J_i^T J_j.
 
@@ -87,7 +88,7 @@ class MotionRun:
     times: Array  # the samples (k,), s, on the clock of the base motion
     rest: Index  # indices of the samples before the motion, at rest
     start_jacobian: Array  # of the first q and v with respect to theta, b, P, m and s, (2 N, ...)
-    relaxed_jacobian: Array  # of the first internal strains with respect to q and ``parameters``, (m b n, ...)
+    relaxed_jacobian: Array  # of the initial internal strains with respect to q and ``parameters``, (m b n, ...)
     passages: list[Passage]  # its smooth pieces
     samples: Array  # nodal coordinates and their time derivatives, (k, orders, rows)
     maps: tuple[Array, Array]  # from the free coordinates and the base to the rows, (rows, N) and (rows, 4)
@@ -224,10 +225,10 @@ class Tangent:
         q, v, a = (cs.MX.sym(name, self._free) for name in "qva")
         excitation, p = cs.MX.sym("excitation", EXCITATION), cs.MX.sym("p", self.form.equations.layout.size)
         balance = Collocation(replace(self.form.equations, make=as_they_are)).balance
-        relaxing = [cs.MX.sym("internal", *balance.size_in(k)) for k in range(5, balance.n_in())]
-        forces = balance(q, v, a, excitation, p, *relaxing)
-        jacobian = cs.horzcat(*(cs.jacobian(forces, x) for x in (q, v, excitation, p, *relaxing)))
-        return cs.Function("force_jacobian", [q, v, a, excitation, p, *relaxing], [jacobian])
+        internal = [cs.MX.sym("internal", *balance.size_in(k)) for k in range(5, balance.n_in())]
+        forces = balance(q, v, a, excitation, p, *internal)
+        jacobian = cs.horzcat(*(cs.jacobian(forces, x) for x in (q, v, excitation, p, *internal)))
+        return cs.Function("force_jacobian", [q, v, a, excitation, p, *internal], [jacobian])
 
     @cached_property
     def bandwidth(self) -> int:
@@ -248,15 +249,15 @@ class Tangent:
     def assembly(self) -> scipy.sparse.csr_array:
         """The matrix that sums the entries of K, D/h and M/h^2 of all elements to G, without its low-rank part.
 
-        G is in the band storage of LAPACK, column by column.  The entries of the further blocks (i, j) of a law that
-        relaxes follow, block by block.
+        G is in the band storage of LAPACK, column by column.  The entries that Maxwell branches add to the blocks
+        (i, j) follow, block by block.
         """
         first, equations = RADAU.inverse, self.form.equations
         bands = [self._band(w) for w in (np.eye(STAGES), first, first @ first)]
         if equations.branches:
             size = (2 * NODE) ** 2 * equations.model.beam.elements
             units = np.eye(STAGES**2).reshape(-1, STAGES, STAGES)
-            # the entries of element matrices of stage i, of which only those of the beam itself are used
+            # entries of the element matrices of stage i, of the beam elements only
             bands += [self._band(unit)[:, int(unit.argmax()) // STAGES * self._entries :][:, :size] for unit in units]
         return scipy.sparse.csr_array(scipy.sparse.hstack(bands))
 
@@ -320,9 +321,9 @@ class Tangent:
         return form.overstrains(strains, internal, h, balance)
 
     def relaxation(self, d: int, *, transposed: bool = False) -> BoundStep:
-        """(Z, h, u, (dZ, du)) -> derivatives of the internal strains at the end for d directions, or their transpose.
+        """(Z, h, u, (dZ, du)) -> derivatives of the internal strains at the end, for d directions.
 
-        If transposed, the vectors are weights of these internal strains, and the results belong to (Z, u).
+        If ``transposed``, the vectors are weights of these internal strains, and the results are weights of (Z, u).
         """
         if (d, transposed) not in self._relaxations:
             z, h, u = self._symbols
@@ -343,7 +344,7 @@ class Tangent:
 
     @cached_property
     def _relaxations(self) -> dict[tuple[int, bool], BoundStep]:
-        """The Functions of ``relaxation``, as far as used."""
+        """The Functions of ``relaxation`` that have been used."""
         return {}
 
     def factors(self, entries: Array, steps: RadauSteps, k: int, modal_coefficients: Array) -> BandedFactors:
@@ -411,7 +412,7 @@ class Tangent:
         )
 
     def relaxed_jacobian(self, state: State, parameters: Array) -> Array:
-        """Return the derivatives of the internal strains in a state by q and the parameters, (m b n, ...)."""
+        """Return the derivatives of the internal strains of a state with respect to q and parameters, (m b n, ...)."""
         equations = self.form.equations
         if state.internal is not None or not equations.branches:
             return np.zeros((equations.internal_size, self._free + parameters.size))

@@ -21,10 +21,11 @@ stages.  Collocation of tau z_t = s - z from z_0 gives the overstrains there,
 
     y_i = sum_j W_ij (s_j - z_0),    W = x A^-1 (1 + x A^-1)^-1,    x = tau/h,
 
-and those of the last stage the next z_0.  In the systems with s = gamma/h and s = mu/h, the branch would add phi(s)
-J^T D J with phi(s) = tau s/(1 + tau s), times its relative modulus; alpha + beta h s, the nearest to these three
-numbers, takes its place, so that K and D stay real.  It is exact for short and long relaxation times; the error in
-between, at most 0.1 of the relative modulus, slows down the convergence.  The error estimate omits the branches.
+and the strain less the overstrain at the last stage is the next z_0.  In the systems with s = gamma/h and s = mu/h, a
+branch of relative modulus g would add g phi(s) J^T D J with phi(s) = tau s/(1 + tau s).  So that K and D stay real, phi
+is replaced by alpha + beta h s, fitted by least squares to phi(gamma/h) and to the real and imaginary parts of
+phi(mu/h).  The fit is exact in the limits of short and long relaxation times; its error in between, at most 0.1, slows
+down the convergence.  The error estimate omits the branches.
 
 As the beam turns, K changes by its axial part, which is thousands of times stiffer than its bending part; in
 coordinates that turn with the beam, K hardly changes.  Residuals are therefore turned back to the configuration in
@@ -270,7 +271,7 @@ class Collocation:
     def overstrains(self, strains: cs.MX, internal: cs.MX, h: cs.MX, balance: Balance) -> tuple[cs.MX, cs.MX]:
         """Return the overstrains, (m b, 3 n), one column per element and stage, and the internal strains at the end.
 
-        ``strains`` are those of the same name, and ``internal`` (m b, n) the internal strains at the start.
+        ``strains`` are as ``strains`` returns them, and ``internal`` (m b, n) the internal strains at the start.
         """
         m, branches = strains.size1() // STAGES, []
         for first, (weights, *_) in zip(cs.vertsplit(internal, m), self.branch_weights(h, balance), strict=True):
@@ -324,8 +325,8 @@ class Collocation:
         equations, model, root = self.equations, self.equations.model, self.equations.model.root
         load = excitations[3 * NODE :, :]
         coordinates = [cs.reshape(x[:, root:] if root else x, LINK, -1) for x in motion]
-        relaxing = [] if overstrains is None else [overstrains]
-        (forces,) = map_elements(equations.element("balance", 0), *coordinates, *relaxing, *columns)
+        of_branches = [] if overstrains is None else [overstrains]
+        (forces,) = map_elements(equations.element("balance", 0), *coordinates, *of_branches, *columns)
         forces, further = cs.reshape(forces, LINK * STAGES, -1), cs.MX(model.size, STAGES)
         if place := equations.place:
             index, _ = model.place_at(place.place(model.beam))
@@ -350,7 +351,7 @@ class Collocation:
         free, model, links = self.equations.free, self.equations.model, self.links.count
         elements, constants = model.beam.elements, 2 + len(self.equations.law.parameters)
         internal = cs.MX.sym("internal", self.equations.internal_size // elements, elements)
-        relaxing = {"internal": internal} if self.equations.branches else {}
+        of_branches = {"internal": internal} if self.equations.branches else {}
         return SimpleNamespace(
             increments=cs.MX.sym("Z", VALUES, links),
             corrections=cs.MX.sym("dW", VALUES, links),
@@ -368,12 +369,12 @@ class Collocation:
             outer=cs.MX.sym("outer", 3 * BLOCK, links),
             inner=cs.MX.sym("inner", 6 * BLOCK, links),
             weights=cs.MX.sym("weights", VALUES, links),
-            **relaxing,
+            **of_branches,
         )
 
     @cached_property
     def balance(self) -> cs.Function:
-        """(q, v, a, excitation, parameters) -> forces on the free coordinates; with internal strains, if any."""
+        """(q, v, a, excitation, parameters, internal strains if any) -> forces on the free coordinates."""
         q, v, a = (cs.MX.sym(name, self.equations.free) for name in "qva")
         excitation, model = cs.MX.sym("excitation", EXCITATION), self.equations.model
         *of_base, load = cs.vertsplit(excitation, NODE)

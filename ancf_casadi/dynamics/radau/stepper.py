@@ -125,8 +125,8 @@ class Stepper:
         q[:], v[:] = model.of_free(start.coordinates), model.of_free(start.velocities)
         arrays.nodes[:] = model.whole(q, first[:NODE]).reshape(-1, 1, NODE)
         arrays.internal.reshape(-1)[:] = form.equations.internal(start, parameters)
-        relaxing = [arrays.internal.T] if form.equations.branches else []
-        a[:] = form.accelerations(q, v, first, parameters, *relaxing)
+        internal = [arrays.internal.T] if form.equations.branches else []
+        a[:] = form.accelerations(q, v, first, parameters, *internal)
 
         self._finish = Buffered(form.finish, *arrays.of_stages, a)
         trial_inputs = arrays.time, arrays.length, arrays.ratio, arrays.nodes

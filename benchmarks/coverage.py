@@ -4,6 +4,7 @@
 
     drag, no-drag     a large motion of a steel strip with and without quadratic damping beside a known modal law
     strip             a large motion of a soft strip with viscous and quadratic damping
+    relaxing          modulus and Maxwell branch of a thick, soft beam with a tip mass on a shaken base
     sensors           modulus and damping from four sensors on a released soft strip, 60 samples each, white noise
     sensors-coloured  the same with autoregressive noise, rho = 0.5; sensors-long with 240 samples each
     sensors-mixed     white noise of two sensors, autoregressive noise of the others, rho = 0.5 and 0.8
@@ -61,6 +62,7 @@ from ancf_casadi import (
     RayleighDamping,
     Sensor,
     Spring,
+    ViscoelasticDamping,
     natural_modes,
     periodic_motion,
     reduce_model,
@@ -114,6 +116,19 @@ def strip() -> Case:
     model = Model(silicone(5))
     records = motion(model, QuadraticDamping(0.6, 4.0), HarmonicBase(0.02, 2.0, stop=0.5), 1.5, 40.0, 0.5e-3)
     return Case(model, QuadraticDamping(0.3, 8.0), {"eta1": 0.6, "eta2": 4.0}, records)
+
+
+def relaxing() -> Case:
+    """Return a motion of a thick, soft beam whose material relaxes."""
+    truth, base = {"modulus1": 0.25, "time1": 0.034, "elastic_modulus": 240e3}, HarmonicBase(5e-3, 4.0, stop=0.5)
+
+    def thick(modulus: float) -> Model:
+        shape = {"length": 0.1, "width": 0.03, "thickness": 0.03, "tip_mass": 0.052, "elements": 3}
+        return Model(silicone(**shape | {"elastic_modulus": modulus, "axis": (0.0, -1.0)}))
+
+    records = motion(thick(240e3), ViscoelasticDamping([0.25], [0.034]), base, 2.0, 100.0, 0.2e-3)
+    settings = {"unknowns": ["elastic_modulus"], "bounds": {"elastic_modulus": (180e3, 330e3)}}
+    return Case(thick(260e3), ViscoelasticDamping([0.15], [0.05]), truth, records, settings)
 
 
 def motion(
@@ -363,6 +378,7 @@ CASES: Mapping[str, Callable[[], Case]] = {
     "drag": partial(drag, 0.2),
     "no-drag": partial(drag, 0.0),
     "strip": strip,
+    "relaxing": relaxing,
     "sensors": partial(sensors, 60, (0.0, 0.0, 0.0, 0.0)),
     "sensors-coloured": partial(sensors, 60, (0.5, 0.5, 0.5, 0.5)),
     "sensors-mixed": partial(sensors, 60, (0.0, 0.5, 0.0, 0.8)),

@@ -96,7 +96,7 @@ SMALLEST = [
              lambda *numbers: sum(numbers[:8]) == 1 and 0.0 < numbers[8] < 1.0, "nutpie"),
     Smallest("radau_step", "--seconds 0.2", r"  (\S+) ms per step, (\S+) ms without samples", 4, positive),
     Smallest("response", "--seconds 0.1", r".* (\d+) points  per 100: +(\S+) s +(\S+) CPU s +(\S+)", 4, positive),
-    Smallest("robustness", "--inputs 20 --calls 20", r"[a-z ]+ (?:refused|returned) +(\d+)", 8, positive),
+    Smallest("robustness", "--inputs 20 --calls 20", r"[a-z ]+ (?:refused|returned) +(\d+)", 7, positive),
     Smallest("simulators", "--case rayleigh --programs mujoco",
              r"\| rayleigh \| mujoco \| .* \| (\S+) % \| (\S+) % \| (\S+) % \| (\S+) % \| (\S+) \|", 1,
              lambda *errors: max(map(abs, errors[:4])) < 1.0, "mujoco"),

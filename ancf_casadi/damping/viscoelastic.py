@@ -64,7 +64,7 @@ class ViscoelasticDamping(DampingLaw):
     ...                     density=1070.0, elastic_modulus=240e3, elements=4)
     >>> modes = natural_modes(Model(beam), count=2)
     >>> ViscoelasticDamping(ratios=[0.02], times=[0.03]).damping_ratios(modes, [0.0, 0.0]).round(4)
-    array([0.0054, 0.0011])
+    array([0.0044, 0.0014])
     """
 
     ratios: Sequence[float]

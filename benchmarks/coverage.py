@@ -123,8 +123,11 @@ def relaxing() -> Case:
     truth, base = {"modulus1": 0.25, "time1": 0.034, "elastic_modulus": 240e3}, HarmonicBase(5e-3, 4.0, stop=0.5)
 
     def thick(modulus: float) -> Model:
-        shape = {"length": 0.1, "width": 0.03, "thickness": 0.03, "tip_mass": 0.052, "elements": 3}
-        return Model(silicone(**shape | {"elastic_modulus": modulus, "axis": (0.0, -1.0)}))
+        return Model(
+            silicone(
+                3, length=0.1, width=0.03, thickness=0.03, tip_mass=0.052, elastic_modulus=modulus, axis=(0.0, -1.0)
+            )
+        )
 
     records = motion(thick(240e3), ViscoelasticDamping([0.25], [0.034]), base, 2.0, 100.0, 0.2e-3)
     settings = {"unknowns": ["elastic_modulus"], "bounds": {"elastic_modulus": (180e3, 330e3)}}

@@ -177,10 +177,7 @@ class DampingLaw(Displayed, ABC):
 
     @final
     def relaxation(self, s: ArrayLike) -> ComplexArray:
-        """Return phi(s) = sum_b g_b tau_b s/(1 + tau_b s) of the Maxwell branches, for complex frequencies s, 1/s.
-
-        The modulus at s is E (1 + phi).
-        """
+        """Return phi(s) = sum_b g_b tau_b s/(1 + tau_b s) of the Maxwell branches: E (1 + phi) is the modulus at s."""
         columns = self.branches(cs.MX(cs.DM([parameter.value for parameter in self.parameters])))
         moduli, times = (cs.evalf(column).full().ravel() for column in columns)
         tau_s = np.multiply.outer(np.asarray(s), times)

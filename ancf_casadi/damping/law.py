@@ -176,10 +176,17 @@ class DampingLaw(Displayed, ABC):
         """Return the equivalent damping ratio of each mode at its tip amplitude (m), (m,)."""
 
     @final
-    def relaxation(self, s: ArrayLike) -> ComplexArray:
-        """Return phi(s) = sum_b g_b tau_b s/(1 + tau_b s) of the Maxwell branches: E (1 + phi) is the modulus at s."""
+    @property
+    def branch_values(self) -> tuple[Array, Array]:
+        """The results of ``branches`` for the values of the parameters."""
         columns = self.branches(cs.MX(cs.DM([parameter.value for parameter in self.parameters])))
         moduli, times = (cs.evalf(column).full().ravel() for column in columns)
+        return moduli, times
+
+    @final
+    def relaxation(self, s: ArrayLike) -> ComplexArray:
+        """Return phi(s) = sum_b g_b tau_b s/(1 + tau_b s) of the Maxwell branches: E (1 + phi) is the modulus at s."""
+        moduli, times = self.branch_values
         tau_s = np.multiply.outer(np.asarray(s), times)
         return np.asarray((moduli * tau_s / (1 + tau_s)).sum(axis=-1))
 
@@ -319,7 +326,7 @@ def _terms(law: DampingLaw) -> tuple[DampingLaw, ...]:
 
 def refuse_branches(law: DampingLaw) -> None:
     """Raise an ``InputError`` for a law with Maxwell branches, where the history of the motion is unknown."""
-    if law.branches(cs.MX(len(law.parameters), 1))[0].numel():
+    if law.branch_values[0].size:
         raise InputError(
             "has a material that relaxes, which is not modelled here; use RayleighDamping instead", "damping"
         )

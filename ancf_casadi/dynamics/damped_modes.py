@@ -188,7 +188,7 @@ def damped_modes(
     upper = np.concatenate([np.flatnonzero(still)[::2], np.flatnonzero(~still & (s.imag >= 0.0))])
     order = upper[np.argsort(np.abs(s[upper]), kind="stable")][:count]
     s, shapes = s[order], vectors[: model.freedoms, order]
-    if Equations(model, law).branches:
+    if law.branch_values[0].size:
         s, shapes = _relaxing_modes(equilibrium_at_rest, law, s, shapes)
     return DampedModes(equilibrium_at_rest, s, model.with_fixed_base(shapes))
 
@@ -214,7 +214,7 @@ def _relaxing_modes(
         for modulus in np.linspace(0.0, 1.0, MODULUS_STEPS + 1)[1:].tolist():
             for _ in range(MOST_ITERATIONS):
                 nearby = s * (1 + 1e-6)
-                r, r_nearby = (modulus * law.relaxation(z) for z in (s, nearby))
+                r, r_nearby = modulus * law.relaxation([s, nearby])
                 storage[BANDWIDTH:] = stiffness + r * material_stiffness + s * damping + s**2 * mass
                 r_derivative = (r_nearby - r) / (nearby - s)
                 right_side = D @ x + low_rank @ (B.T @ x) + 2 * s * (M @ x) + r_derivative * (V @ x)

@@ -215,7 +215,7 @@ class MotionSource(ABC):
 
     @property
     def relaxes(self) -> bool:
-        """Whether the forces at an instant depend on the motion before it."""
+        """True if the material relaxes, so that forces depend on the earlier motion."""
         return False
 
     def along(self, row: Array, times: Array, order: int = 0) -> Array:
@@ -311,7 +311,7 @@ class DenseMotion(MotionSource):
 
     @property
     def relaxes(self) -> bool:
-        """Whether the law has Maxwell branches, whose internal strains are known only at the ends of the steps."""
+        """True if the law has Maxwell branches; their internal strains are known only at the ends of the steps."""
         return bool(self._equations.branches)
 
     def base_force(self, times: Array) -> Array:
@@ -383,8 +383,8 @@ class DenseMotion(MotionSource):
             .reshape(elements, equations.branches, -1, h.size, STAGES)
         )
         internal = np.moveaxis(steps.internal[:-1], 0, -1).reshape(*strains.shape[:-1])
-        _, times = self.law.branches(cs.MX(cs.DM([parameter.value for parameter in self.law.parameters])))
-        weights = [overstrain_weights()(tau / h[None])[0].full() for tau in cs.evalf(times).full().ravel()]
+        _, times = self.law.branch_values
+        weights = [overstrain_weights()(tau / h[None])[0].full() for tau in times]
         W = np.array(weights).reshape(equations.branches, STAGES, h.size, STAGES)
         return [np.einsum("bisj,ebmsj->ebmsi", W, strains - internal[..., None]).reshape(-1, stages.shape[1])]
 

@@ -161,7 +161,7 @@ class Equations:
     @cached_property
     def branches(self) -> int:
         """Number b of Maxwell branches of the law."""
-        return int(self.law.branches(cs.MX(len(self.law.parameters), 1))[0].numel())
+        return self.law.branch_values[0].size
 
     @property
     def internal_size(self) -> int:

@@ -50,7 +50,7 @@ class BlockWindow:
 
     @property
     def leakage(self) -> bool:
-        """Whether a fit replaces each resonance by R, which is the leakage of a Hann window under H1."""
+        """True if a fit accounts for leakage by R: with a Hann window and the estimator H1."""
         return self.hann and self.estimator == "H1"
 
     @property

@@ -283,42 +283,49 @@ class Tangent:
         motion, load = self._motion(z, h, u)
         all_nodes = [self.form.equations.model.whole(*pair) for pair in motion]
         (e, e_t, _), balance, form = all_nodes, self._balance(u), self.form
-        relaxation, further = self._relaxation(motion, balance, h, u), []
-        if relaxation is not None:
+        overstrains, by_stage, further = self._overstrains(motion, balance, h, u), None, []
+        if overstrains is not None:
             model = form.equations.model
-            by_stage = np.arange(STAGES * model.beam.elements).reshape(-1, STAGES).T.ravel().tolist()
-            relaxation = relaxation[0][:, by_stage], relaxation[1]
+            places = np.arange(STAGES * model.beam.elements).reshape(-1, STAGES).T.ravel().tolist()
+            by_stage = overstrains[:, places]
             (J,), _ = form.equations.map_elements("gradients", balance, e, groups={0: model.groups[0]})
             moduli, _ = form.equations.law.branches(balance.coefficients)
             weights = [g * w[0] for g, w in zip(cs.vertsplit(moduli), form.branch_weights(h, balance), strict=True)]
             further = [cs.vec(sum(weights[1:], weights[0])), cs.vec(J)]
-        k, damping, m = balance.tangents(e, e_t, load, None if relaxation is None else relaxation[0])
+        k, damping, m = balance.tangents(e, e_t, load, by_stage)
         entries = cs.vertcat(cs.vec(k), cs.vec(damping) / h, cs.vec(m) / h**2, *further)
-        product = cs.densify(cs.jtimes(self._residual(motion, all_nodes, balance, h, u), u, du)) if d else cs.MX(0, 1)
+        residual = self._residual(motion, all_nodes, balance, u, overstrains)
+        product = cs.densify(cs.jtimes(residual, u, du)) if d else cs.MX(0, 1)
         return cs.Function("linearised", [z, h, u, du], [cs.densify(entries), product], {"is_diff_in": [False] * 4})
 
     def _residual(
-        self, motion: Sequence[tuple[cs.MX, cs.MX]], all_nodes: Sequence[cs.MX], balance: Balance, h: cs.MX, u: cs.MX
+        self,
+        motion: Sequence[tuple[cs.MX, cs.MX]],
+        all_nodes: Sequence[cs.MX],
+        balance: Balance,
+        u: cs.MX,
+        overstrains: cs.MX | None,
     ) -> cs.MX:
         """Return R (3 N,), stage by stage, from the motion as of ``stage_motion``, and that of all nodes."""
         form, excitations = self.form, cs.reshape(u[self.layout["excitations"]], EXCITATION, STAGES)
         of_links = [form.links.ends(node, free) for free, node in motion]
-        relaxation, columns = self._relaxation(motion, balance, h, u), form.element_columns(balance)
-        overstrains = None if relaxation is None else relaxation[0]
+        columns = form.element_columns(balance)
         on_links, further = form.forces(of_links, all_nodes, excitations, balance, columns, overstrains)
         further += balance.of_low_rank(excitations[2:NODE, :], all_nodes[1])
         return cs.vec(form.equations.model.of_free(further + form.links.sum_at_nodes(on_links)))
 
     def _relaxation(
         self, motion: Sequence[tuple[cs.MX, cs.MX]], balance: Balance, h: cs.MX, u: cs.MX
-    ) -> tuple[cs.MX, cs.MX] | None:
-        """Return the results of ``Collocation.overstrains``; None if the law does not relax."""
+    ) -> tuple[cs.MX, cs.MX]:
+        """Return the results of ``Collocation.overstrains``."""
         form, (free, node) = self.form, motion[0]
-        if not form.equations.branches:
-            return None
         strains = form.strains(form.links.ends(node, free), form.element_columns(balance))
         internal = cs.reshape(u[self.layout["internal"]], -1, form.equations.model.beam.elements)
         return form.overstrains(strains, internal, h, balance)
+
+    def _overstrains(self, motion: Sequence[tuple[cs.MX, cs.MX]], balance: Balance, h: cs.MX, u: cs.MX) -> cs.MX | None:
+        """Return the overstrains at the stages, one column per element and stage; None if the law does not relax."""
+        return self._relaxation(motion, balance, h, u)[0] if self.form.equations.branches else None
 
     def relaxation(self, d: int, *, transposed: bool = False) -> BoundStep:
         """(Z, h, u, (dZ, du)) -> derivatives of the internal strains at the end, for d directions.
@@ -327,8 +334,7 @@ class Tangent:
         """
         if (d, transposed) not in self._relaxations:
             z, h, u = self._symbols
-            end = self._relaxation(self._motion(z, h, u)[0], self._balance(u), h, u)
-            internal = cs.MX(0, 1) if end is None else cs.vec(end[1])
+            internal = cs.vec(self._relaxation(self._motion(z, h, u)[0], self._balance(u), h, u)[1])
             vectors = cs.MX.sym("vectors", internal.numel() if transposed else z.numel() + u.numel(), d)
             if transposed:
                 products = [cs.jtimes(internal, x, vectors, True) for x in (z, u)]
@@ -388,7 +394,9 @@ class Tangent:
         w = cs.MX.sym("w", len(self.order))
         motion, _ = self._motion(z, h, u)
         all_nodes = [self.form.equations.model.whole(*pair) for pair in motion]
-        product = cs.densify(cs.jtimes(self._residual(motion, all_nodes, self._balance(u), h, u), u, w, True))
+        balance = self._balance(u)
+        residual = self._residual(motion, all_nodes, balance, u, self._overstrains(motion, balance, h, u))
+        product = cs.densify(cs.jtimes(residual, u, w, True))
         return BoundStep(cs.Function("tangent_product", [z, h, u, w], [product], {"is_diff_in": [False] * 4}))
 
     def _band(self, weights: Array) -> scipy.sparse.csc_array:

@@ -360,10 +360,10 @@ def write_with_longest_step(
     time.  ``transition_matrix`` is that of ``SimulatorBeam``, and the template uses ``template_values``.
     """
     steps = STEPS if step is None else (step,)
-    for step in steps:
-        reached = _step_modes(transition_matrix, step)
+    for trial in steps:
+        reached = _step_modes(transition_matrix, trial)
         if reached and (
-            len(steps) == 1 or _meets_tolerance(request, frequencies, ratio, transition_matrix, step, reached)
+            step is not None or _meets_tolerance(request, frequencies, ratio, transition_matrix, trial, reached)
         ):
             break
     else:
@@ -371,7 +371,7 @@ def write_with_longest_step(
     exported = ExportedBeam(
         format=request.template.partition(".")[0],
         segments=segments,
-        step=step,
+        step=trial,
         amplitude=request.amplitude,
         frequencies=request.modes.frequencies,
         reached_frequencies=reached[0],

@@ -46,8 +46,9 @@ from ancf_casadi.response.linear_frf import FrfKind
 from ancf_casadi.support.arrays import Array, ComplexArray, Index
 from ancf_casadi.support.inputs import choice, error_prefix, instances, number, physical
 from problems.frf.blocks import LEAST_BLOCK, Take, hammer_blocks, shaker_blocks
-from problems.frf.record import LEAST_LINES, SCATTER_LINES, BlockScatter, FrfRecord, moving_mean
-from problems.frf.window import BlockWindow
+from problems.frf.leakage import leverage_factor
+from problems.frf.record import LEAST_LINES, SCATTER_LINES, BlockScatter, FrfRecord, least_std, moving_mean
+from problems.frf.window import BlockWindow, hann_window
 
 Estimator = Literal["H1", "H2", "Hv"]
 Excitation = Literal["auto", "hammer", "shaker"]
@@ -60,13 +61,10 @@ KINDS: dict[str, FrfKind] = {
 }
 LEAST_POWER = 0.01  # of the force, relative to its highest: the end of the usable band
 LARGEST_FREQUENCY = 0.8  # relative to half the sampling rate, beyond which a filter against aliasing acts
-LEAST_STD = 1e-6  # relative to the median of a function
-NOISE_LINES = 2  # lines on either side over which the noise under a Hann window is averaged
 POWER_LINES = 5  # lines on either side over which the power of the force is averaged
 RANDOM_SHARE, REST_SHARE = 0.5, 0.01  # mean squares of a random force and of a response at rest, relative to all
 FEWEST_AVERAGES = 6.0  # independent blocks that state the errors of a fit
 TIME_CONSTANTS = 4.0  # of an exponential window, after which a block ends
-LARGEST_SHARE = 0.9  # of a block in the power of all
 SAME_TIME = 0.1  # largest difference of the times of force and response, in steps
 
 
@@ -159,21 +157,24 @@ def frf_of(
         blocks = replace(blocks, values=blocks.values[:, :, : max(LEAST_BLOCK, round(TIME_CONSTANTS / rate / step))])
     size = blocks.values.shape[2]
     samples = np.arange(size)
-    weights = 0.5 - 0.5 * np.cos(2 * np.pi * samples / size) if is_hann else np.exp(-rate * step * samples)
+    weights = hann_window(size) if is_hann else np.exp(-rate * step * samples)
     averages = len(blocks.values) if is_hammer else _independent_blocks(weights, len(blocks.values), overlap)
     estimate = _estimate(np.fft.rfft(weights * blocks.values), estimator)
-    deviations = None if is_hammer or averages < FEWEST_AVERAGES else estimate.deviations
+    scatter, std = None, estimate.hammer_std(averages) if is_hammer else None
+    if not is_hammer and estimate.deviations is not None:
+        scatter = BlockScatter(estimate.deviations, averages, tuple(takes), blocks.begins)
+        std = scatter.std(estimate.values)
     with error_prefix("force and response"):
         return FrfRecord(
             estimate.lines / (size * step),
             estimate.values,
             _kind(responses[0]) if kind is None else kind,
             coherence=estimate.coherence,
-            std=estimate.std(averages, is_hammer=is_hammer),
+            std=std,
             points=points,
             notes=(*blocks.notes, *_leakage_notes(blocks.values, is_free=is_hammer or is_hann)),
             window=BlockWindow(size * step, rate, is_hann, estimator),
-            scatter=None if deviations is None else BlockScatter(deviations, averages),
+            scatter=scatter if averages >= FEWEST_AVERAGES else None,
         )
 
 
@@ -230,17 +231,6 @@ def _independent_blocks(weights: Array, count: int, overlap: float) -> float:
     return count / (1 + 2 * squares)
 
 
-def _leverage_factor(spectra: ComplexArray) -> Array:
-    """Return the factor of the deviations of blocks that share a mean unequally, 1 if their spectra are equally large.
-
-    A block with the share h of the power, to which the mean is closer, has residuals of variance 1 - h instead of
-    1 - 1/K.
-    """
-    power = np.abs(spectra) ** 2
-    share = np.minimum(power / power.sum(axis=0), LARGEST_SHARE)
-    return np.asarray(np.sqrt((1 - 1 / len(spectra)) / (1 - share)))
-
-
 def _leakage_notes(blocks: Array, *, is_free: bool) -> list[str]:
     """Return a note if blocks without a window neither repeat nor end at rest, unless they are free of leakage."""
     changes = blocks[:, 0] - blocks[:, 0].mean(axis=0)
@@ -276,21 +266,15 @@ class Estimate:
     coherence: Array | None = None
     deviations: ComplexArray | None = None
 
-    def std(self, averages: float, *, is_hammer: bool) -> Array | None:
-        """Return standard deviations (outputs, lines); under a hammer, those of the errors that differ line by line."""
+    def hammer_std(self, averages: float) -> Array | None:
+        """Return standard deviations (outputs, lines) of the errors under a hammer that differ line by line."""
         if self.deviations is None:
             return None
-        deviations = self.deviations
-        if is_hammer:
-            deviations = np.pad(np.diff(deviations, 2), ((0, 0), (0, 0), (1, 1)), mode="edge") / math.sqrt(6)
+        deviations = np.pad(np.diff(self.deviations, 2), ((0, 0), (0, 0), (1, 1)), mode="edge") / math.sqrt(6)
         variance = np.mean(np.abs(deviations) ** 2, axis=0) / (averages - 1)
-        if is_hammer:
-            chi_square_median = chdtri(2 * averages - 2, 0.5) / (2 * averages - 2)
-            variance = median_filter(variance, (1, 2 * SCATTER_LINES + 1)) / chi_square_median
-        else:
-            variance = np.array([moving_mean(row, NOISE_LINES) for row in variance])
-        floor = LEAST_STD * np.median(np.abs(self.values), axis=1, keepdims=True)
-        return np.asarray(np.maximum(np.sqrt(variance), floor))
+        chi_square_median = chdtri(2 * averages - 2, 0.5) / (2 * averages - 2)
+        variance = median_filter(variance, (1, 2 * SCATTER_LINES + 1)) / chi_square_median
+        return np.asarray(np.maximum(np.sqrt(variance), least_std(self.values)))
 
 
 def _estimate(spectra: ComplexArray, estimator: Estimator) -> Estimate:
@@ -309,6 +293,6 @@ def _estimate(spectra: ComplexArray, estimator: Estimator) -> Estimate:
         return Estimate(lines, values)
     by_force = force.conj() * (responses - first * force) / cross
     by_response = responses.conj() * (responses - first / coherence * force) / response_power
-    by_force, by_response = by_force * _leverage_factor(force), by_response * _leverage_factor(responses)
+    by_force, by_response = by_force * leverage_factor(force), by_response * leverage_factor(responses)
     relative = {"H1": by_force, "H2": by_response, "Hv": (by_force + by_response) / 2}[estimator]
     return Estimate(lines, values, coherence, np.asarray(values * relative))

@@ -15,6 +15,7 @@ from ancf_casadi.support.inputs import check_instance, flag, is_sequence, physic
 from ancf_casadi.support.interrupts import lasting_interrupts
 from ancf_casadi.support.progress import counter
 from problems.frf.delay import remaining_delay, remove_delay
+from problems.frf.leakage import remove_leakage
 from problems.frf.modal_sum import RESIDUAL_POWERS, ModalSum, TrialFit
 from problems.frf.record import FrfRecord
 from problems.frf.refinement import FRF_ADVICE, stated_deviations
@@ -106,7 +107,7 @@ def fit_frf(
     order = np.argsort(trial.frequencies)
     trial = replace(trial, frequencies=trial.frequencies[order], ratios=trial.ratios[order])
     refit = partial(fit_frf, modes=modes, frequencies=frequencies, band=band)
-    fit = refine_result(undelayed, trial, tuple(notes), refit)
+    fit = refine_result(*remove_leakage(undelayed, trial), tuple(notes), refit)
     if not ((fit.frequencies >= lines[0]) & (fit.frequencies <= lines[-1])).all():
         raise FitError(f"a mode left the band; {FRF_ADVICE}")
     return fit

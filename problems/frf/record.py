@@ -21,7 +21,7 @@ from ancf_casadi.records.layout import NO_LAYOUT, TableLayout
 from ancf_casadi.records.over_frequency import SpectralFunction, extract_functions, read_spectral
 from ancf_casadi.records.units import known_unit
 from ancf_casadi.response.linear_frf import FRF_UNITS, FrfKind
-from ancf_casadi.support.arrays import Array, ComplexArray
+from ancf_casadi.support.arrays import Array, ComplexArray, Index
 from ancf_casadi.support.inputs import (
     array,
     check_instance,
@@ -33,6 +33,7 @@ from ancf_casadi.support.inputs import (
     shown,
 )
 from ancf_casadi.support.tables import Displayed, plural, spread
+from problems.frf.blocks import Take
 from problems.frf.window import BlockWindow
 
 LEAST_LINES = 8
@@ -42,15 +43,32 @@ KINDS_OF_UNITS: dict[tuple[str, str], FrfKind] = {
     ("velocity", "force"): "mobility",
     ("acceleration", "force"): "accelerance",
 }
+NOISE_LINES = 2  # lines on either side over which the noise under a Hann window is averaged
+LEAST_STD = 1e-6  # relative to the median of a function
 QUOTIENT = ("transmissibility", "relative-transmissibility")
 
 
 @dataclass(frozen=True, eq=False)
 class BlockScatter:
-    """Deviations of blocks from the mean functions, (blocks, functions, k), and the number of independent blocks."""
+    """Deviations of blocks from the mean functions, (blocks, functions, k), and the number of independent blocks.
+
+    The takes, and the first samples of the blocks in them, (blocks,), allow a fit to remove leakage.
+    """
 
     deviations: ComplexArray
     averages: float
+    takes: tuple[Take, ...] = ()
+    begins: Index | None = None
+
+    @property
+    def variance(self) -> Array:
+        """Variances of the mean functions (functions, k)."""
+        return np.asarray(np.mean(np.abs(self.deviations) ** 2, axis=0) / (self.averages - 1))
+
+    def std(self, values: ComplexArray) -> Array:
+        """Return standard deviations of the mean functions (functions, k), averaged over neighbouring lines."""
+        smooth = np.array([moving_mean(row, NOISE_LINES) for row in self.variance])
+        return np.asarray(np.maximum(np.sqrt(smooth), least_std(values)))
 
     def map(self, change: Callable[[ComplexArray], ComplexArray]) -> BlockScatter:
         """Return the scatter of functions that a linear change gives."""
@@ -382,6 +400,11 @@ def _limit_coherence(coherence: Array) -> tuple[Array, list[str]]:
     if np.isnan(coherence).any():
         notes.append(f"{int(np.isnan(coherence).sum())} coherences that are missing count as 0")
     return np.clip(np.nan_to_num(coherence), 0.0, 1.0), notes
+
+
+def least_std(values: ComplexArray) -> Array:
+    """Return the least standard deviation of functions (functions, k) to assume, (functions, 1)."""
+    return np.asarray(LEAST_STD * np.median(np.abs(values), axis=1, keepdims=True))
 
 
 def moving_mean(values: Array, half: int) -> Array:

@@ -33,7 +33,8 @@ estimates of the blocks differ to first order by d_j = (J' J)^-1 J' W e_j, and t
 
     sum_j d_j d_j'/(K (K_e - 1)),
 
-with K_e - 1 degrees of freedom.  It needs no assumption on the noise along the frequency, which leakage correlates.
+with K_e - 1 degrees of freedom.  It needs no assumption on the noise along the frequency.  Leakage, which correlates
+successive blocks otherwise than noise does, is removed before (``leakage``).
 
 If the coherence gamma^2 is measured, the variance is proportional to |H|^2 (1 - gamma^2)/gamma^2.
 

@@ -32,11 +32,16 @@ from typing import Literal
 
 import numpy as np
 
-from ancf_casadi.support.arrays import ComplexArray
+from ancf_casadi.support.arrays import Array, ComplexArray
 
 Moments = tuple[ComplexArray, ComplexArray, ComplexArray, ComplexArray]
 SERIES_RADIUS = 0.02  # |u| below which E and L follow from their power series
 SERIES = [(-1.0) ** n / math.factorial(n + 1) for n in range(8)]  # of E; its terms from the second on are those of -u L
+
+
+def hann_window(size: int) -> Array:
+    """Return a Hann window over some samples."""
+    return np.asarray(0.5 - 0.5 * np.cos(2 * np.pi * np.arange(size) / size))
 
 
 @dataclass(frozen=True)

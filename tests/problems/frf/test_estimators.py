@@ -1,5 +1,7 @@
 """Frequency response functions from force and response over time; ``benchmarks/frf_coverage.py`` has more seeds."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -63,6 +65,31 @@ def test_the_leakage_of_a_hann_window_adds_damping_unless_it_is_modelled():
     bare = FrfRecord(record.frequencies, record.values, record.kind, std=record.std)
     ratios = [fit_frf(one, frequencies=FREQUENCIES).damping_ratios[0] for one in (record, bare)]
     assert ratios[0] == pytest.approx(0.01, rel=0.15) and ratios[1] > 0.013
+
+
+@pytest.mark.parametrize("noise", [(0.0, 0.0), (1e-2, 1e-2)])
+def test_leakage_that_follows_from_the_force_is_removed(noise):
+    """Two takes of different lengths, with a clipped block and two outputs; leakage changes a damping ratio by 1 %."""
+    rng, ratios = np.random.default_rng(0), [mode[1] for mode in MODES]
+    takes = [shaker(rng, duration=duration, noise=noise) for duration in (25.0, 31.0)]
+    clipped = takes[0][1].values.copy()
+    peak = int(np.argmax(clipped))
+    clipped[peak - 1 : peak + 2] = clipped[peak]
+    responses = [[record, Measurement(record.time, -0.5 * record.values, sensor=record.sensor)] for _, record in takes]
+    responses[0][0] = Measurement(takes[0][1].time, clipped, sensor=takes[0][1].sensor)
+    record = frf_of([force for force, _ in takes], responses)
+    assert any("left out: overload" in note for note in record.notes)
+    fit = fit_frf(record, frequencies=FREQUENCIES)
+    np.testing.assert_allclose(fit.damping_ratios, ratios, rtol=1e-3 if not noise[0] else 0.02)
+    with_leakage = fit_frf(replace(record, scatter=None), frequencies=FREQUENCIES)
+    assert np.abs(with_leakage.damping_ratios / ratios - 1).max() > 0.01
+
+
+def test_leakage_remains_with_its_errors_if_removal_does_not_settle():
+    """Blocks of a second are shorter than the memory of both modes."""
+    fit = fit_frf(frf_of(*shaker(np.random.default_rng(1), duration=40.0), block=1.0), frequencies=FREQUENCIES)
+    assert fit.record.scatter.takes and fit.standard_errors["damping_ratio_1"] > 0.2 * 0.01
+    assert all(abs(score) < 3.0 for _, score in intervals_hold(fit))
 
 
 def test_the_fit_agrees_with_that_of_the_free_decay_after_a_hit():

@@ -453,7 +453,7 @@ class DenseMotion(MotionSource):
         e, e_t, e_tt = (cs.MX.sym(name, self.model.size) for name in ("e", "e_t", "e_tt"))
         load, balance = cs.MX.sym("load", NODE), equations.balance(cs.MX(cs.DM(equations.parameters)))
         overstrains = [cs.MX.sym("y", equations.internal_size)] if equations.branches else []
-        by_element = [cs.reshape(y, -1, self.model.beam.elements) for y in overstrains]
+        by_element = [cs.reshape(y, equations.internal_shape) for y in overstrains]
         values, inputs = cs.densify(term(balance, e, e_t, e_tt, load, *by_element)), [e, e_t, e_tt, load, *overstrains]
         return cs.Function(term.__name__, inputs, [values], {"is_diff_in": [False] * len(inputs)})
 

@@ -377,11 +377,8 @@ class DenseMotion(MotionSource):
         if not equations.branches or steps.internal is None:
             return []
         h, elements = np.diff(steps.instants), self.model.beam.elements
-        strains = (
-            equations.relaxed(stages, equations.parameters)
-            .full()
-            .reshape(elements, equations.branches, -1, h.size, STAGES)
-        )
+        strains = equations.relaxed(stages, equations.parameters).full()
+        strains = strains.reshape(elements, equations.branches, -1, h.size, STAGES)
         internal = np.moveaxis(steps.internal[:-1], 0, -1).reshape(*strains.shape[:-1])
         _, times = self.law.branch_values
         weights = [overstrain_weights()(tau / h[None])[0].full() for tau in times]

@@ -275,7 +275,7 @@ def test_beams_that_are_no_curve_are_refused(paper_beam, tmp_path, changes, mess
 
 
 def test_a_curve_whose_damping_and_steps_stop_the_oscillation_is_refused(paper_beam, tmp_path):
-    with pytest.raises(InputError, match="damping: .*does not oscillate with steps of"):
+    with pytest.raises(InputError, match=r"damping: .*does not oscillate with steps of"):
         write_newton(Model(paper_beam(elements=4)), tmp_path / "cable.usda", damping=RayleighDamping(alpha=8.0))
     assert not any(tmp_path.iterdir())
 

@@ -46,7 +46,7 @@ from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.interrupts import has_interrupt
 
 LIBRARY = ("-fno-math-errno", "-fPIC", "-shared", "-ffp-contract=off")
-COMPILER_FLAGS = ("-Og", *LIBRARY)  # -O1 takes a third longer, -O3 three times as long; their code is no faster
+COMPILER_FLAGS = ("-Og", *LIBRARY)  # -O1 takes a third longer, -O3 twice as long; their code is no faster
 COMPILER_PROCESS = str(Path(__file__).with_name("compiler_process.py"))
 COMPILER_SECONDS = 300  # limit of the compilers that run side by side
 POLLING_INTERVAL = 0.05  # s between two looks for signals while a compiler runs
@@ -80,10 +80,7 @@ def compile_together(functions: Sequence[cs.Function], *, derivatives: bool = Fa
         _give_up(compiler, "no C compiler was found")
         return [expand_function(function) for function in functions]
     folder = _safe_folder()
-    requests = [
-        (function, derivatives and any(function.is_diff_in(k) for k in range(function.n_in())))
-        for function in functions
-    ]
+    requests = [(function, derivatives and _is_differentiable(function)) for function in functions]
     stems = [_stem(*request, compiler) for request in requests]
     libraries = {stem: library for stem in stems if (library := _kept(folder, stem))}
     sources = {stem: _source(*request) for stem, request in zip(stems, requests, strict=True) if stem not in libraries}
@@ -207,8 +204,7 @@ def _source(function: cs.Function, derivatives: bool) -> str:
         generator.add(function.forward(1))
         generator.add(function.reverse(1))
     code = str(generator.dump())
-    is_differentiable = any(function.is_diff_in(k) for k in range(function.n_in()))
-    return code + _jacobian_patterns(function) if is_differentiable else code
+    return code + _jacobian_patterns(function) if _is_differentiable(function) else code
 
 
 def _built(sources: Mapping[str, str], compiler: tuple[str, ...], folder: Path) -> dict[str, Path]:
@@ -305,6 +301,10 @@ def _give_up(compiler: tuple[str, ...], why: str) -> None:
         "or pip install ziglang; ANCF_CASADI_COMPILE=0 turns compilation off",
         stacklevel=4,
     )
+
+
+def _is_differentiable(function: cs.Function) -> bool:
+    return any(_differentiability(function)["is_diff_in"])
 
 
 def _differentiability(function: cs.Function) -> dict[str, list[bool]]:

@@ -27,6 +27,8 @@ def main() -> int:
             compilers.append(subprocess.Popen(command, stdin=subprocess.DEVNULL))
     except OSError as error:
         print(error)
+        for compiler in compilers:
+            compiler.kill()
         return 1
     for code in [compiler.wait() for compiler in compilers]:
         if code:

@@ -219,10 +219,10 @@ for count in range(1, complete + 1):
 os.waitpid(child, 0)
 moments.append(time.perf_counter())
 for k in range(40):
-    round, count = divmod(k, complete + 1)
+    turn, count = divmod(k, complete + 1)
     child = started(f"killed_{k}")
     wait_for(count, f"killed_{k}")
-    time.sleep((moments[count + 1] - moments[count]) * round * (complete + 1) / 40)
+    time.sleep((moments[count + 1] - moments[count]) * turn * (complete + 1) / 40)
     os.kill(child, signal.SIGKILL)
     os.waitpid(child, 0)
 """

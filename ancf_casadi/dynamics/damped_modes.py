@@ -376,7 +376,7 @@ def damping_at_rest(model: Model, law: DampingLaw) -> cs.Function:
     terms = equations.balance(cs.MX(cs.DM(equations.parameters)))
     relaxed, V = None, cs.MX(model.freedoms, model.freedoms)
     if equations.branches:
-        relaxed = cs.MX.zeros(equations.internal_size // model.beam.elements, model.beam.elements)
+        relaxed = cs.MX.zeros(*equations.internal_shape)
         V = model.free_matrix(terms.strain_products(e))
     _, entries, _ = terms.tangents(e, cs.MX.zeros(model.size), cs.MX.zeros(LOAD_SIZE), relaxed)
     matrices = [model.matrix(entries), model.free_matrix(entries)]

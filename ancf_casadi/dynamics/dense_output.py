@@ -377,11 +377,8 @@ class DenseMotion(MotionSource):
         if not equations.branches or steps.internal is None:
             return []
         h, elements = np.diff(steps.instants), self.model.beam.elements
-        strains = (
-            equations.relaxed(stages, equations.parameters)
-            .full()
-            .reshape(elements, equations.branches, -1, h.size, STAGES)
-        )
+        strains = equations.relaxed(stages, equations.parameters).full()
+        strains = strains.reshape(elements, equations.branches, -1, h.size, STAGES)
         internal = np.moveaxis(steps.internal[:-1], 0, -1).reshape(*strains.shape[:-1])
         _, times = self.law.branch_values
         weights = [overstrain_weights()(tau / h[None])[0].full() for tau in times]
@@ -453,7 +450,7 @@ class DenseMotion(MotionSource):
         e, e_t, e_tt = (cs.MX.sym(name, self.model.size) for name in ("e", "e_t", "e_tt"))
         load, balance = cs.MX.sym("load", NODE), equations.balance(cs.MX(cs.DM(equations.parameters)))
         overstrains = [cs.MX.sym("y", equations.internal_size)] if equations.branches else []
-        by_element = [cs.reshape(y, -1, self.model.beam.elements) for y in overstrains]
+        by_element = [cs.reshape(y, equations.internal_shape) for y in overstrains]
         values, inputs = cs.densify(term(balance, e, e_t, e_tt, load, *by_element)), [e, e_t, e_tt, load, *overstrains]
         return cs.Function(term.__name__, inputs, [values], {"is_diff_in": [False] * len(inputs)})
 

@@ -28,6 +28,7 @@ A call from CasADi's virtual machine costs about as much as the forces of an ele
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -163,10 +164,15 @@ class Equations:
         """Number b of Maxwell branches of the law."""
         return self.law.branch_values[0].size
 
+    @cached_property
+    def internal_shape(self) -> tuple[int, int]:
+        """Numbers m b of internal strains in an element, and n of elements."""
+        return self.model.groups[0].element.scaled_strains.size1_out(0) * self.branches, self.model.beam.elements
+
     @property
     def internal_size(self) -> int:
         """Number m b n of internal strains."""
-        return self.model.groups[0].element.scaled_strains.size1_out(0) * self.branches * self.model.beam.elements
+        return math.prod(self.internal_shape)
 
     @cached_property
     def relaxed(self) -> cs.Function:
@@ -305,10 +311,10 @@ class Balance:
         return cs.vertcat(cs.vec(products), cs.MX.zeros(model.entries[0].size - products.numel()))
 
     def overstrains(self, e: cs.MX, internal: cs.MX) -> cs.MX | None:
-        """Return the overstrains of a state, (m b, n), from internal strains (m b n,); None without branches."""
+        """Return the overstrains of a state, (m b, n), from internal strains; None without branches."""
         if not (branches := self.equations.branches):
             return None
-        return cs.repmat(self.strains(e), branches, 1) - cs.reshape(internal, -1, self.equations.model.beam.elements)
+        return cs.repmat(self.strains(e), branches, 1) - cs.reshape(internal, self.equations.internal_shape)
 
     def local_damping(self, e: cs.MX, e_t: cs.MX) -> cs.MX:
         """Return the local part of the damping force."""

@@ -35,7 +35,7 @@ import io
 import math
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -44,7 +44,7 @@ import numpy as np
 import scipy.sparse.linalg
 
 from ancf_casadi.dynamics.dense_output import SegmentSolution, Slopes, Steps
-from ancf_casadi.dynamics.equations import Balance, Equations, scaled_matrix
+from ancf_casadi.dynamics.equations import Balance, Equations, as_they_are, scaled_matrix
 from ancf_casadi.dynamics.excitation import EXCITATION, Excitation, Segment
 from ancf_casadi.exceptions import InputError, SimulationError
 from ancf_casadi.mechanics.nodes import NODE
@@ -89,7 +89,8 @@ class SemiExplicit:
             forces += self._balance.modal_damping(e[2:NODE], w)
         modal = (self._balance.modal_velocities(e[2:NODE], e_t) - w) / (model.beam.length * W)
         motion = cs.vertcat(W * x[free : 2 * free], W * z[:free])
-        internal_rates = cs.MX(0, 1) if overstrains is None else cs.vec(overstrains) / self._internal_rates
+        _, times, units = self._of_branches
+        internal_rates = cs.MX(0, 1) if overstrains is None else cs.vec(overstrains) / cs.DM(times * units)
         outputs = [cs.vertcat(motion, internal_rates), cs.vertcat(model.of_free(forces) / self._divisors, modal)]
         options: Any = {"is_diff_in": [True, True, False], "custom_jacobian": self._jacobian}
         options |= {"enable_forward": False, "enable_reverse": False}  # all derivatives come from the Jacobian
@@ -112,55 +113,36 @@ class SemiExplicit:
         model = self.equations.model
         displacement = (state.coordinates - model.straight) / model.scale
         velocity = state.velocities / (model.scale * self.element_frequency)
-        internal = self.equations.internal(state, self.equations.parameters) / self._internal_units
+        internal = self.equations.internal(state, self.equations.parameters) / self._of_branches[-1]
         return np.concatenate([model.of_free(displacement), model.of_free(velocity), internal])
 
     def internal(self, x: Array) -> Array:
         """Return the internal strains of x."""
-        return np.asarray(x[2 * self.equations.free :] * self._internal_units)
+        return np.asarray(x[2 * self.equations.free :] * self._of_branches[-1])
 
     @cached_property
-    def _internal_units(self) -> Array:
-        """Units of the internal strains, (m b n,)."""
+    def _of_branches(self) -> tuple[Array, Array, Array]:
+        """Relative moduli, relaxation times, s, and units of the internal strains, (m b n,) each."""
         equations, model = self.equations, self.equations.model
         if not equations.branches:
-            return np.zeros(0)
-        gradients = self._gradients(cs.MX(cs.DM(model.straight)))
-        sizes = abs(cs.evalf(gradients).full()) @ model.free_scale
-        return np.tile(sizes.reshape(model.beam.elements, 1, -1), (1, equations.branches, 1)).ravel()
-
-    @cached_property
-    def _times(self) -> cs.MX:
-        """Relaxation times of the internal strains, (m b n,), s."""
-        equations, elements = self.equations, self.equations.model.beam.elements
-        _, times = equations.law.branches(self._balance.coefficients)
-        strains = equations.internal_size // (equations.branches * elements)
-        return cs.repmat(cs.kron(times, cs.MX.ones(strains)), elements, 1)
-
-    @cached_property
-    def _internal_rates(self) -> cs.MX:
-        """Divisors of the overstrains that give the rates of the internal unknowns, (m b n,)."""
-        return self._times * cs.DM(self._internal_units)
+            return (np.zeros(0),) * 3
+        rows, elements = equations.internal_shape
+        strains, units = rows // equations.branches, abs(self._gradients(model.straight).full()) @ model.free_scale
+        moduli, times = (np.tile(np.repeat(values, strains), elements) for values in equations.law.branch_values)
+        return moduli, times, units
 
     @cached_property
     def _overstrains(self) -> cs.MX | None:
         """The overstrains, (m b, n); None if the law does not relax."""
-        internal = self._symbols[0][2 * self.equations.free :] * cs.DM(self._internal_units)
-        return self._balance.overstrains(self._motion[0], internal)
+        _, _, units = self._of_branches
+        return self._balance.overstrains(self._motion[0], self._symbols[0][2 * self.equations.free :] * cs.DM(units))
 
-    def _gradients(self, e: cs.MX) -> cs.MX:
-        """Return the Jacobian of the scaled strains of all elements for the free coordinates, (m n, N), sparse."""
-        equations, model = self.equations, self.equations.model
-        group = model.groups[0]
-        ((J,), _) = equations.map_elements("gradients", self._balance, e, groups={0: group})
-        strains = J.size1()
-        rows = np.tile(np.arange(strains), group.coordinates.size)
-        rows += strains * np.repeat(np.arange(group.count), strains * group.coordinates.shape[1])
-        columns = np.repeat(group.coordinates.ravel(), strains)
-        order = np.lexsort((rows, columns))
-        size = strains * group.count, model.size
-        pattern = cs.Sparsity.triplet(*size, rows[order].tolist(), columns[order].tolist())
-        return cs.MX(pattern, cs.vec(J)[order.tolist()]) @ model.whole_of_free
+    @cached_property
+    def _gradients(self) -> cs.Function:
+        """(e) -> Jacobian of the internal strains of a relaxed beam for the free coordinates, (m b n, N), sparse."""
+        equations, e = replace(self.equations, make=as_they_are), cs.MX.sym("e", self.equations.model.size)
+        by_all = cs.jacobian(equations.relaxed(e, equations.parameters), e)
+        return cs.Function("gradients", [e], [by_all @ equations.model.whole_of_free])
 
     @cached_property
     def _jacobian(self) -> cs.Function:
@@ -171,27 +153,20 @@ class SemiExplicit:
         scale = cs.MX(cs.DM(model.free_scale))
         tangents = balance.tangents(e, e_t, excitation[3 * NODE :], self._overstrains)
         k, d, mass = map(model.free_matrix, tangents)
-        size = self._internal_units.size
-        internal_by_motion, by_internal = cs.MX(0, 2 * free), cs.MX(free, 0)
+        moduli, times, units = map(cs.DM, self._of_branches)
+        size, by_q, by_internal = units.numel(), cs.MX(0, free), cs.MX(free, 0)
         if size:
-            moduli, _ = self.equations.law.branches(balance.coefficients)
-            gradients, count = self._gradients(e), self.equations.branches
-            k += cs.sum1(moduli) * gradients.T @ gradients
-            strains = gradients.size1() // model.beam.elements
-            # the rows of an element are repeated for each of its branches
-            copies = cs.kron(cs.DM.eye(model.beam.elements), cs.kron(cs.DM.ones(count, 1), cs.DM.eye(strains)))
-            gradients, units = cs.sparsify(copies) @ gradients, cs.DM(self._internal_units)
-            weights = cs.repmat(cs.kron(moduli, cs.MX.ones(strains)), model.beam.elements, 1)
-            by_internal = scaled_matrix(-gradients.T, 1 / divisors, weights * units)
-            by_q = scaled_matrix(gradients, 1 / self._internal_rates, scale)
-            internal_by_motion = cs.horzcat(by_q, cs.MX(size, free))
+            gradients = self._gradients(e)
+            k += gradients.T @ cs.diag(moduli) @ gradients
+            by_q = scaled_matrix(gradients, 1 / (times * units), scale)
+            by_internal = scaled_matrix(-gradients.T, 1 / divisors, moduli * units)
         length, B, identity = model.beam.length, model.of_free(balance.turned_projection(e)), cs.MX.eye(free)
         none = cs.MX(free, free)
         w_by_v, by_w = scaled_matrix(B.T, cs.MX.ones(m) / length, scale), balance.modal_coefficients * length * W
         jacobians = [
             cs.vertcat(
                 cs.horzcat(cs.MX(2 * free, free), cs.vertcat(W * identity, none), cs.MX(2 * free, size)),
-                cs.horzcat(internal_by_motion, -cs.diag(1 / self._times) if size else cs.MX(0, 0)),
+                cs.horzcat(by_q, cs.MX(size, free), -cs.diag(1 / times)),
             ),
             cs.horzcat(cs.vertcat(none, W * identity, cs.MX(size, free)), cs.MX(2 * free + size, m)),
             cs.MX(2 * free + size, excitation.numel()),

@@ -303,9 +303,7 @@ class Beam(Displayed):
     @property
     def sections(self) -> tuple[Section, ...]:
         """The section of each element."""
-        if not self.section_shape:
-            return tuple(Section(b, h) for b, h in zip(self.width, self.thickness, strict=True))
-        rows = zip(self.width, self.thickness, self.section_shape, self.elastic_modulus, self.density, strict=True)
+        rows = zip(self.width, self.thickness, self.shapes, self.elastic_modulus, self.density, strict=True)
         return tuple(
             Section(b, h, shape, modulus, rho) if shape.kind == "stiffness" else Section(b, h, shape)
             for b, h, shape, modulus, rho in rows

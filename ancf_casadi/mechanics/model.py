@@ -38,7 +38,7 @@ from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.attachments import PointMass
 from ancf_casadi.mechanics.beam import INITIAL, Beam
 from ancf_casadi.mechanics.element import Element, Group, element
-from ancf_casadi.mechanics.lumped import PROPERTIES, changed_properties, lumped_kind
+from ancf_casadi.mechanics.lumped import PROPERTIES, changed_properties, check_combinations, lumped_kind
 from ancf_casadi.mechanics.nodes import NODE, Nodes
 from ancf_casadi.mechanics.point_elements import (
     dashpot,
@@ -304,6 +304,26 @@ def property_rows(beam: Beam, name: str, elements: slice = slice(None)) -> Index
     return np.concatenate([PROPERTIES.index(row) * beam.elements + indices for row in changed_properties(name)])
 
 
+def owners_of_rows(beam: Beam, names: Sequence[str], elements: Sequence[slice]) -> Index:
+    """Return the unknown property with which each row of ``property_rows`` changes, (4 n + lumped,); -1 for none.
+
+    The unknowns are properties of some elements.  An ``InputError`` says if the beam lacks one of them, or if two
+    change the same row.
+    """
+    if "natural_curvature" in names:
+        check_curvature(beam)
+    owners = np.full(len(PROPERTIES) * beam.elements + len(beam.lumped), -1)
+    for k, (name, changed) in enumerate(zip(names, elements, strict=True)):
+        check_sections(beam, name, changed)
+        rows = property_rows(beam, name, changed)
+        if (owners[rows] >= 0).any():
+            earlier = names[int(owners[rows].max())]
+            raise InputError(f"{name} changes the same property as {earlier}; estimate one or the other", "unknowns")
+        owners[rows] = k
+    check_combinations(names)
+    return owners
+
+
 def lumped_value(beam: Beam, name: str) -> float:
     """Return a lumped property, the mean of several; 0 if the beam does not have it."""
     values, places = [*beam.lumped.values()], lumped_indices(beam, name)
@@ -345,7 +365,7 @@ def check_curvature(beam: Beam) -> None:
             )
 
 
-def check_sections(beam: Beam, name: str, elements: slice = slice(None)) -> None:
+def check_sections(beam: Beam, name: str, elements: slice) -> None:
     """Refuse to estimate a property that sections of all or some elements do not have."""
     kinds = {shape.kind for shape in beam.shapes[elements]}
     kind = name.partition("[")[0]

@@ -43,19 +43,15 @@ class Shape(Spec, frozen=True):
     breadth: Annotated[Positive | None, Meta(description="per width, of given stiffness; null if unknown")] = None
     depth: Annotated[Positive | None, Meta(description="per thickness, of given stiffness; null if unknown")] = None
 
-    @property
-    def extents(self) -> tuple[float | None, float | None]:
-        """Breadth per width and depth per thickness of the equivalent rectangle; None if not known."""
-        if self.kind == "rectangle":
-            return 1.0, 1.0
-        if self.kind == "round":
-            thickness = math.sqrt(0.75 * (1.0 + self.bore**2))
-            return thickness / (math.pi / 4 * (1.0 - self.bore) * (1.0 + self.bore)), 1 / thickness
-        return self.breadth, self.depth
-
     def extent(self, name: Literal["breadth", "depth"]) -> float:
-        """Return one of the extents; one that is not known raises an ``InputError``."""
-        value = self.extents[name == "depth"]
+        """Return breadth per width, or depth per thickness; one that is not known raises an ``InputError``."""
+        if self.kind == "rectangle":
+            return 1.0
+        if self.kind == "round":
+            thickness = math.sqrt(0.75 * (1.0 + self.bore**2))  # per diameter
+            area = math.pi / 4 * (1.0 - self.bore) * (1.0 + self.bore)
+            return 1 / thickness if name == "depth" else thickness / area
+        value = self.depth if name == "depth" else self.breadth
         if value is None:
             stated = "a depth" if name == "depth" else "a depth or a breadth"
             raise InputError(f"is not known for a section of given stiffness; give Section.stiffness {stated}", name)

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Sequence
 from typing import Annotated, Any, ClassVar
 
 from msgspec import UNSET, Meta, UnsetType
@@ -272,21 +271,16 @@ def model_from(beam: BeamSpec, measures: StrainMeasuresSpec, where: str) -> Mode
 
 def _with_objects(arguments: dict[str, Any]) -> dict[str, Any]:
     """Return arguments with supports, attachments and sections in place of their specifications."""
-    for name in ("supports", "attachments"):
-        if name in arguments:
-            arguments[name] = _objects(arguments[name], name)
-    if isinstance(section := arguments.get("section", ()), LumpedSpec):
-        with error_prefix("section"):
-            arguments["section"] = section.object()
-    elif section:
-        arguments["section"] = _objects(section, "section")
+    for name in ("supports", "attachments", "section"):
+        specs = arguments.get(name)
+        if isinstance(specs, LumpedSpec):
+            arguments[name] = _object(specs, name)
+        elif specs is not None:
+            arguments[name] = tuple(_object(spec, f"{name}: {k}") for k, spec in enumerate(specs, start=1))
     return arguments
 
 
-def _objects(specs: Sequence[LumpedSpec], name: str) -> tuple[Any, ...]:
-    """Return the objects of specifications."""
-    objects = []
-    for k, spec in enumerate(specs, start=1):
-        with error_prefix(f"{name}: {k}"):
-            objects.append(spec.object())
-    return tuple(objects)
+def _object(spec: LumpedSpec, where: str) -> Any:
+    """Return the object of a specification."""
+    with error_prefix(where):
+        return spec.object()

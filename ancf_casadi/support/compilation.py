@@ -14,7 +14,7 @@ Cache.  ``ANCF_CASADI_CACHE``, else ``ancf-casadi`` in ``XDG_CACHE_HOME`` or ``~
 rights of the user.  As ssh requires of its keys, the folder and its files must belong to the user, no folder above may
 be open to others, and nothing may be writable by group or others; otherwise a private temporary folder is used.  The
 name of a library contains the SHA-256 digest of its contents; a library that does not match its name is built again.
-Another process loads each new library first (``compiler_process.py``), and only one that can be loaded is kept.
+Another process loads new libraries first (``compiler_process.py``), and only those that can be loaded are kept.
 """
 
 from __future__ import annotations
@@ -23,6 +23,7 @@ import contextlib
 import functools
 import hashlib
 import importlib.util
+import json
 import os
 import platform
 import shlex
@@ -45,9 +46,9 @@ from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.interrupts import has_interrupt
 
 LIBRARY = ("-fno-math-errno", "-fPIC", "-shared", "-ffp-contract=off")
-COMPILER_FLAGS = ("-O1", *LIBRARY)  # -O3 takes twice as long, and its code is no faster
+COMPILER_FLAGS = ("-Og", *LIBRARY)  # -O1 takes a third longer, -O3 twice as long; their code is no faster
 COMPILER_PROCESS = str(Path(__file__).with_name("compiler_process.py"))
-COMPILER_SECONDS = 300  # limit of one compilation
+COMPILER_SECONDS = 300  # limit of the compilers that run side by side
 POLLING_INTERVAL = 0.05  # s between two looks for signals while a compiler runs
 CACHE_FORMAT = "2"  # of the cache; raise it to compile the same functions again
 OTHERS_WRITE = stat.S_IWGRP | stat.S_IWOTH
@@ -79,10 +80,7 @@ def compile_together(functions: Sequence[cs.Function], *, derivatives: bool = Fa
         _give_up(compiler, "no C compiler was found")
         return [expand_function(function) for function in functions]
     folder = _safe_folder()
-    requests = [
-        (function, derivatives and any(function.is_diff_in(k) for k in range(function.n_in())))
-        for function in functions
-    ]
+    requests = [(function, derivatives and _is_differentiable(function)) for function in functions]
     stems = [_stem(*request, compiler) for request in requests]
     libraries = {stem: library for stem in stems if (library := _kept(folder, stem))}
     sources = {stem: _source(*request) for stem, request in zip(stems, requests, strict=True) if stem not in libraries}
@@ -205,7 +203,8 @@ def _source(function: cs.Function, derivatives: bool) -> str:
     if derivatives:
         generator.add(function.forward(1))
         generator.add(function.reverse(1))
-    return str(generator.dump()) + _jacobian_patterns(function)
+    code = str(generator.dump())
+    return code + _jacobian_patterns(function) if _is_differentiable(function) else code
 
 
 def _built(sources: Mapping[str, str], compiler: tuple[str, ...], folder: Path) -> dict[str, Path]:
@@ -233,36 +232,37 @@ def _built(sources: Mapping[str, str], compiler: tuple[str, ...], folder: Path) 
 
 
 def compiler_failure(calls: Mapping[Path, Sequence[str]]) -> str:
-    """Let compilers write libraries, and load each in another process; return why one fails, or an empty text.
+    """Let compilers write libraries into a folder, and another process load them; return why one fails, or "".
 
     Raises
     ------
     KeyboardInterrupt
         If a signal is noted meanwhile (``noted_interrupts``); the compilers are ended.
     """
+    commands = {str(library): [*call, "-o", str(library), "-lm"] for library, call in calls.items()}
+    drafts = os.environ | {"TMPDIR": str(next(iter(calls)).parent)}  # for the files of stopped compilers
+    deadline = time.monotonic() + COMPILER_SECONDS
     with contextlib.ExitStack() as stack:
-        runs = []
-        for library, call in calls.items():
-            drafts = os.environ | {"TMPDIR": str(library.parent)}  # a compiler that is stopped leaves its files there
-            command = [sys.executable, "-I", "-S", COMPILER_PROCESS, str(library), *call, "-o", str(library), "-lm"]
-            output = stack.enter_context(tempfile.TemporaryFile())
-            process = subprocess.Popen(
-                command, stdin=subprocess.PIPE, stdout=output, stderr=output, env=drafts, start_new_session=True
-            )
-            stack.enter_context(process)  # the end of the block closes its standard input, which ends the compiler
-            runs.append((process, output))
-        deadline = time.monotonic() + COMPILER_SECONDS
-        for process, output in runs:
-            while process.poll() is None:
-                if time.monotonic() > deadline:
-                    return f"it takes more than {COMPILER_SECONDS} s"
-                if has_interrupt():
-                    raise KeyboardInterrupt
-                with contextlib.suppress(subprocess.TimeoutExpired):
-                    process.wait(POLLING_INTERVAL)
-            if process.returncode:
-                output.seek(0)
-                return _reason(process.returncode, output.read().decode(errors="replace"))
+        output = stack.enter_context(tempfile.TemporaryFile())
+        process = subprocess.Popen(
+            [sys.executable, "-I", "-S", COMPILER_PROCESS, json.dumps(commands)],
+            stdin=subprocess.PIPE,
+            stdout=output,
+            stderr=output,
+            env=drafts,
+            start_new_session=True,
+        )
+        stack.enter_context(process)  # the end of the block closes its standard input, which ends the compilers
+        while process.poll() is None:
+            if time.monotonic() > deadline:
+                return f"it takes more than {COMPILER_SECONDS} s"
+            if has_interrupt():
+                raise KeyboardInterrupt
+            with contextlib.suppress(subprocess.TimeoutExpired):
+                process.wait(POLLING_INTERVAL)
+        if process.returncode:
+            output.seek(0)
+            return _reason(process.returncode, output.read().decode(errors="replace"))
     return ""
 
 
@@ -301,6 +301,10 @@ def _give_up(compiler: tuple[str, ...], why: str) -> None:
         "or pip install ziglang; ANCF_CASADI_COMPILE=0 turns compilation off",
         stacklevel=4,
     )
+
+
+def _is_differentiable(function: cs.Function) -> bool:
+    return any(_differentiability(function)["is_diff_in"])
 
 
 def _differentiability(function: cs.Function) -> dict[str, list[bool]]:

@@ -29,17 +29,14 @@ from ancf_casadi.mechanics.beam import Beam, SplitBeam
 from ancf_casadi.mechanics.lumped import (
     BEAM_UNITS,
     PROPERTIES,
-    check_combinations,
     lumped_kind,
     property_unit,
 )
 from ancf_casadi.mechanics.model import (
     Model,
-    check_curvature,
-    check_sections,
     lumped_value,
     model_with_properties,
-    property_rows,
+    owners_of_rows,
 )
 from ancf_casadi.mechanics.supports import Clamp
 from ancf_casadi.support.arrays import Array, Index
@@ -87,23 +84,8 @@ def property_value(beam: Beam, name: str) -> float:
 
 
 def property_owners(beam: Beam, names: Sequence[str]) -> Index:
-    """Return which of unknown properties each property of a beam changes with, (4 n + lumped,); -1 for none.
-
-    The properties are in the order of ``structure_properties``; a beam may lack some of the lumped ones.
-    """
-    if CURVATURE in names:
-        check_curvature(beam)
-    owners = np.full(len(PROPERTIES) * beam.elements + len(beam.lumped), -1)
-    for k, name in enumerate(names):
-        elements = named_elements(name, beam)
-        check_sections(beam, name, elements)
-        rows = property_rows(beam, name, elements)
-        if (owners[rows] >= 0).any():
-            earlier = names[int(owners[rows].max())]
-            raise InputError(f"{name} changes the same property as {earlier}; estimate one or the other", "unknowns")
-        owners[rows] = k
-    check_combinations(names)
-    return owners
+    """Return which of unknown properties or groups of elements each property of a beam changes with."""
+    return owners_of_rows(beam, names, [named_elements(name, beam) for name in names])
 
 
 def scale_properties(properties: Array, owners: Index, factors: Array) -> tuple[Array, Array]:

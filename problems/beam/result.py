@@ -170,12 +170,6 @@ class BeamFit(BlocksResult):
         motions = [(block, fitted) for block, fitted in fitted_blocks if isinstance(block, MotionBlock)]
         return [residuals for block, fitted in motions for residuals in block.weights.split(fitted.residuals)]
 
-    @cached_property
-    def responses(self) -> list[Array]:
-        """Amplitude, phase (rad) and level of the motion closest to each point of each response curve, (3, m) each."""
-        blocks = [block for block in self.solution.problem.blocks if isinstance(block, CurveBlock)]
-        return [values.T for block in blocks for values, _ in block.motions(self.estimates)]
-
     @property
     def shifts(self) -> Array:
         """Largest shift (n,) of each estimate by the error of a discretisation, in standard errors; nan if unknown."""

@@ -39,14 +39,13 @@ from ancf_casadi.exceptions import InputError
 from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.inputs import check_instance, choice, physical
-from problems.decay.laws import DAMPING_TERMS, DECAY_QUANTITIES, DecayModel, Law
+from problems.decay.laws import DECAY_QUANTITIES, DECAY_TERMS, DecayModel, Law
 
 LEAST_AMPLITUDES = 6
 MANY_PERIODS = 1e4  # periods in a record of unknown frequency, which matters only for the last period before a stop
 FIRST_DEVIATION = 0.01  # relative, of the first fit
 NEGLIGIBLE = 1e-9  # least standard deviation, relative to the first amplitude
 AmplitudeLaw = Literal["linear", "quadratic", "friction", "power"]
-RATES = {"eta1": "linear_rate", "eta2": "quadratic_rate", "eta0": "friction_rate"}
 AMPLITUDE_NAME = re.compile(r"amplitude|\bampl?\b|envelope|ring.?down|magnitude|h.llkurve", re.IGNORECASE)
 INSPECTED_PARTS, MOST_RISE = 20, 0.2  # parts of a record, and share of the fall by which their means may rise in all
 
@@ -180,26 +179,28 @@ class AmplitudeFit(BlocksResult):
     @cached_property
     def quantities(self) -> tuple[tuple[str, ...], tuple[str, ...], Quantities]:
         """Names and units of the quantities, and the function from the unknowns to them."""
-        model, ω = self.block.model, self.block.ω
-        names = tuple(name for name in DECAY_QUANTITIES if name not in ("frequency", "offset", "drift", "creep"))
-        positions = [list(DECAY_QUANTITIES).index(name) for name in names]
+        model, ω, unit = self.block.model, self.block.ω, self.block.model.unit("amplitude")
+        if self.frequency is not None:
+            skipped = ("frequency", "offset", "drift", "creep")
+            chosen = {name: (name, model.unit(name), 1.0) for name in DECAY_QUANTITIES if name not in skipped}
+        else:
+            rates = {
+                "damping_ratio": ("decay_rate", "1/s", ω),
+                "eta1": ("linear_rate", "1/s", 0.5),
+                "eta2": ("quadratic_rate", f"1/({unit or '1'} s)", 4 * ω / (3 * math.pi)),
+                "eta0": ("friction_rate", f"{unit or '1'}/s", 2 / (math.pi * ω)),
+                "exponent": ("exponent", "", 1.0),
+                "amplitude": ("amplitude", unit, 1.0),
+            }
+            terms = ("damping_ratio", *DECAY_TERMS[self.law], "amplitude")
+            chosen = {name: rates[name] for name in terms if name in rates}
+        positions = [list(DECAY_QUANTITIES).index(name) for name in chosen]
+        names, units, factors = zip(*chosen.values(), strict=True)
 
         def quantities(*x: cs.MX) -> cs.MX:
-            return model.quantities(cs.MX(ω), *x, cs.MX(0))[positions]
+            return cs.DM(factors) * model.quantities(cs.MX(ω), *x, cs.MX(0))[positions]
 
-        if self.frequency is not None:
-            return names, tuple(map(model.unit, names)), quantities
-        terms = [name for name in DAMPING_TERMS[self.law] if name in RATES]
-        shape = ["exponent"] if self.law == "power" else []
-        factors = {"damping_ratio": ω, "amplitude": 1.0, "exponent": 1.0,
-                   "eta1": 0.5, "eta2": 4 * ω / (3 * math.pi), "eta0": 2 / (math.pi * ω)}  # fmt: skip
-        chosen = ["damping_ratio", *terms, *shape, "amplitude"]
-        places, scale = [names.index(name) for name in chosen], cs.DM([factors[name] for name in chosen])
-        unit = model.unit("amplitude")
-        units = {"decay_rate": "1/s", "linear_rate": "1/s", "quadratic_rate": f"1/({unit or '1'} s)",
-                 "friction_rate": f"{unit or '1'}/s", "amplitude": unit}  # fmt: skip
-        rate_names = tuple({"damping_ratio": "decay_rate", **RATES}.get(name, name) for name in chosen)
-        return rate_names, tuple(units.get(name, "") for name in rate_names), lambda *x: scale * quantities(*x)[places]
+        return names, units, quantities
 
     def _ends(self, level: float) -> Array:
         """Return the intervals (q, 2) of all quantities, of which those of the damping are not negative."""

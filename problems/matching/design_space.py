@@ -32,13 +32,12 @@ import scipy  # its packages are imported on first use
 from ancf_casadi.estimation.solver.least_squares import AT_BOUND
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.beam import Beam
-from ancf_casadi.mechanics.lumped import changed_properties, check_combinations, lumped_kind
+from ancf_casadi.mechanics.lumped import lumped_kind
 from ancf_casadi.mechanics.model import (
     Model,
-    check_curvature,
-    check_sections,
     lumped_value,
     model_with_properties,
+    owners_of_rows,
     property_rows,
 )
 from ancf_casadi.support.arrays import Array, Mask
@@ -80,15 +79,7 @@ class DesignSpace:
                 raise InputError(f"{name} is given {names.count(name)} times; give it once", "unknowns")
             if lumped_kind(name) and not lumped_value(self.beam, name):
                 raise InputError(f"the beam has no {name} to change; give the beam a first value of it", "unknowns")
-            check_sections(self.beam, name)
-            for rival in names:
-                if rival != name and changed_properties(rival) == changed_properties(name):
-                    raise InputError(f"{name} changes the same property as {rival}; give one or the other", "unknowns")
-        check_combinations(names)
-        if "natural_curvature" in names:
-            check_curvature(self.beam)
-        if names.count("spring_stiffness") and {"spring_x", "spring_y"} & set(map(lumped_kind, names)):
-            raise InputError("spring_stiffness contains the other springs; give one or the other", "unknowns")
+        owners_of_rows(self.beam, names, [slice(None)] * len(names))  # for its checks
         _ = self.shapes  # which are checked
 
     @cached_property

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 import shlex
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Annotated, Any
@@ -27,6 +27,8 @@ from ancf_casadi.mechanics.model import Model
 from ancf_casadi.mechanics.spec import ConfigurationSpec
 from ancf_casadi.records.channel import Recording
 from ancf_casadi.records.layout import LAYOUT_KEYS, TableLayout
+from ancf_casadi.records.sensor import Sensor
+from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.inputs import check_keys, error_prefix, whole
 from ancf_casadi.support.specs import Pair, Positive, Spec, convert, table_keys
 from problems.beam.curves.reading import ExcitationUnit
@@ -153,6 +155,13 @@ class StaticValuesSpec(Spec, frozen=True):
 
     values: Annotated[tuple[float, ...], Meta(description="of the cases")]
     std: Values = math.nan
+
+    def values_and_std(self, loads: Sequence[Any], sensor: Sensor) -> Iterator[Array]:
+        """Return the readings and their standard deviations, one for each of the loads."""
+        for name, entries in (("values", self.values), ("std", self.std)):
+            if isinstance(entries, tuple) and len(entries) != len(loads):
+                raise InputError(f"has {len(entries)} values for {len(loads)} load cases", name)
+        return (np.broadcast_to(entries, len(loads)) for entries in (self.values, self.std))
 
 
 class LoadColumnsSpec(Spec, frozen=True):
@@ -298,53 +307,29 @@ def _frequencies(file: StudyFile, table: Any, model: Model, where: str) -> Calla
 
 
 def _static(file: StudyFile, table: Any, model: Model, where: str) -> Callable[[], Record]:
-    if isinstance(table, dict) and "file" in table:
-        return _static_file(file, table, model, where)
+    in_file = isinstance(table, dict) and "file" in table
+    tests_kind, readings_kind = (StaticFileSpec, StaticColumnSpec) if in_file else (LoadsSpec, StaticValuesSpec)
     (spec, tests, configuration), channels = channel_groups(
-        table, where, (StaticSpec, LoadsSpec, ConfigurationSpec), (StaticValuesSpec, SensorSpec)
-    )
-    cases = len(tests.loads)
-    for (readings, _), place in channels:
-        for name, entries in (("values", readings.values), ("std", readings.std)):
-            if isinstance(entries, tuple) and len(entries) != cases:
-                raise InputError(f"has {len(entries)} values for {cases} load cases", f"{place}: {name}")
-    sensors = [sensor.make("displacement", place) for (_, sensor), place in channels]
-    values = np.column_stack([readings.values for (readings, _), _ in channels])
-    std = np.column_stack([np.broadcast_to(readings.std, cases) for (readings, _), _ in channels])
-    beam = configuration.other_model(model, where) or model
-    with error_prefix(where):
-        record = StaticRecord(
-            beam,
-            tests.cases(),
-            values,
-            sensors,
-            None if np.isnan(std).all() else std,
-            tared=spec.tared,
-            name=spec.name,
-        )
-    return lambda: record
-
-
-def _static_file(file: StudyFile, table: Any, model: Model, where: str) -> Callable[[], Record]:
-    (spec, source, configuration), channels = channel_groups(
-        table, where, (StaticSpec, StaticFileSpec, ConfigurationSpec), (StaticColumnSpec, SensorSpec)
+        table, where, (StaticSpec, tests_kind, ConfigurationSpec), (readings_kind, SensorSpec)
     )
     sensors = [sensor.make("displacement", place) for (_, sensor), place in channels]
     beam = configuration.other_model(model, where) or model
 
     def read() -> StaticRecord:
-        contents = source.contents(file, where)
-        readings = []
-        for ((readings_column, _), place), sensor in zip(channels, sensors, strict=True):
+        contents, columns = tests.contents(file, where) if in_file else tests.loads, []
+        for ((readings, _), place), sensor in zip(channels, sensors, strict=True):
             with error_prefix(place):
-                readings.append(readings_column.values_and_std(contents, sensor))
-        values, std = (np.column_stack(columns) for columns in zip(*readings, strict=True))
+                columns.append(readings.values_and_std(contents, sensor))
+        values, std = map(np.column_stack, zip(*columns, strict=True))
         with error_prefix(where):
-            loads = source.cases(contents, len(values))
+            loads = tests.cases(contents, len(values)) if in_file else tests.cases()
             known_std = None if np.isnan(std).all() else std
             return StaticRecord(beam, loads, values, sensors, known_std, tared=spec.tared, name=spec.name)
 
-    return read
+    if in_file:
+        return read
+    record = read()
+    return lambda: record
 
 
 def read_curves(name: str) -> list[ResponseRecord]:

@@ -25,6 +25,7 @@ from ancf_casadi import (
     static_equilibrium,
 )
 from ancf_casadi.damping.spec import LawSpec
+from ancf_casadi.dynamics.radau import newton
 from ancf_casadi.dynamics.radau.tableau import RADAU, overstrain_weights
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.export import Document, beam_functions, read_document, write_document, write_pyelastica
@@ -45,16 +46,16 @@ def strip(elements=3, gravity=(0.0, 0.0), density=1070.0, **changes):
     )  # fmt: skip
 
 
-def decay(omega, law, times):
+def decay(omega, ratios, times, instants):
     """One mode that is released relaxed at 1: x_tt + omega^2 (x + sum g (x - z)) = 0, tau z_t = x - z."""
-    g, tau = np.array(law.ratios), np.array(law.times)
-    system = np.zeros((2 + g.size, 2 + g.size))
+    g, tau = np.array(ratios), np.array(times)
+    system = np.zeros((2 + g.size, 2 + g.size), g.dtype)
     system[0, 1] = 1.0
     system[1, [0, *range(2, 2 + g.size)]] = omega**2 * np.array([-1 - g.sum(), *g])
     system[2:, 0] = 1 / tau
     system[2:, 2:] = -np.diag(1 / tau)
     first = np.array([1.0, 0.0, *np.ones(g.size)])
-    return np.array([(scipy.linalg.expm(system * t) @ first)[0] for t in times])
+    return np.array([(scipy.linalg.expm(system * t) @ first)[0] for t in instants])
 
 
 @pytest.mark.parametrize("law", [BRANCH, TWO, BRANCH + ViscoelasticDamping([1.0], [0.002])])
@@ -66,7 +67,8 @@ def test_small_vibration_of_a_mode_obeys_its_linear_equation(law, method, tolera
     start = State(model.straight + 1e-5 * shape, 0 * shape)
     settings = {"duration": 0.3, "sample_rate": 100.0, "tolerance": tolerance}
     run = simulate(model, damping=law, start=start, method=method, **settings)
-    reference = decay(modes.angular_frequencies[0], TWO if law != BRANCH else law, run.time)
+    branches = BRANCH if law == BRANCH else TWO
+    reference = decay(modes.angular_frequencies[0], branches.ratios, branches.times, run.time)
     np.testing.assert_allclose(run.tip[:, 1] / 1e-5, reference, atol=error)
 
 
@@ -191,13 +193,28 @@ def test_newton_weights_are_exact_for_long_and_short_relaxation_times():
         np.testing.assert_allclose([float(value) for value in found], expected, atol=2e-5 * max(expected))
 
 
-@pytest.mark.slow  # 5 s
+@pytest.fixture
+def equal_steps(monkeypatch):
+    """Steps of 0.5 ms, solved to rounding, so that no difference of two motions comes from the choice of steps."""
+    trial_length = newton.StepControl.trial_length
+
+    def equal(control, remaining, largest_step):
+        assert not control.length or control.proposal > 4e-4  # no step is repeated
+        return trial_length(control._replace(proposal=5e-4), remaining, largest_step)
+
+    monkeypatch.setattr(newton.StepControl, "trial_length", equal)
+    monkeypatch.setattr(newton, "NEWTON_RATIO", 1e-6)
+    return {"tolerance": 1e-6}
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize("start", ["equilibrium", "straight"])
-def test_derivatives_of_a_motion_agree_with_differences_forward_and_in_reverse(start):
+def test_derivatives_of_a_motion_agree_with_differences_forward_and_in_reverse(start, equal_steps):
+    """Central differences of large motion, whose own error is below 1e-7."""
     model = strip(elements=4, gravity=(0.0, -5.0), tip_mass=5e-3)
     base, law = HarmonicBase(amplitude=5e-3, frequency=3.0, direction=(0.0, 1.0), stop=0.1), TWO
-    settings = {"damping": law, "base": base, "duration": 0.1, "sample_rate": 50.0, "start": start}
-    f = motion(model, tolerance=1e-10, largest_step=2e-3, lumped=True, **settings)
+    settings = {"damping": law, "base": base, "duration": 0.1, "sample_rate": 50.0, "start": start, **equal_steps}
+    f = motion(model, lumped=True, **settings)
     x, P = cs.MX.sym("x", 6), cs.DM(model.properties)  # parameters of the law, relative, and modulus and thickness
     values = [parameter.value for parameter in law.parameters]
     properties = cs.vertcat(P[0, :], P[1, :] * x[5], P[2, :], P[3, :] * x[4])
@@ -205,13 +222,30 @@ def test_derivatives_of_a_motion_agree_with_differences_forward_and_in_reverse(s
     y = tip[1, :].T
     motion_of = cs.Function("motion_of", [x], [y, cs.jacobian(y, x), cs.gradient(cs.sum1(y), x)])
     value, jacobian, gradient = (result.full() for result in motion_of(np.ones(6)))
-    run = simulate(model, tolerance=1e-10, largest_step=2e-3, **settings)
-    np.testing.assert_allclose(value.ravel(), run.tip[:, 1], atol=1e-10)
-    for k, step in enumerate(1e-4 * np.eye(6)):
-        ends = [motion_of(np.ones(6) + side * step)[0].full().ravel() for side in (1, -1)]
-        difference = (ends[0] - ends[1]) / 2e-4
-        np.testing.assert_allclose(jacobian[:, k], difference, atol=1e-5 * np.abs(difference).max())
+    tip_of = cs.Function("tip_of", [x], [y])
+    np.testing.assert_allclose(value.ravel(), simulate(model, **settings).tip[:, 1], atol=1e-10)
+    for k, step in enumerate(2e-4 * np.eye(6)):
+        ends = [tip_of(np.ones(6) + side * step).full().ravel() for side in (1, -1)]
+        difference = (ends[0] - ends[1]) / 4e-4
+        np.testing.assert_allclose(jacobian[:, k], difference, atol=1e-6 * np.abs(difference).max())
     np.testing.assert_allclose(gradient.ravel(), jacobian.sum(axis=0), rtol=1e-9)
+
+
+def test_derivatives_of_small_vibration_are_those_of_its_linear_equation_forward_and_in_reverse():
+    """By each modulus and relaxation time, relative, with steps of the integrator's choice."""
+    model = strip()
+    modes, values = natural_modes(model, count=1), np.array([parameter.value for parameter in TWO.parameters])
+    start = State(model.straight + 1e-5 * modes.shapes[:, 0] / modes.tip_amplitudes()[0], np.zeros(model.size))
+    f = motion(model, damping=TWO, start=start, duration=0.3, sample_rate=100.0, tolerance=1e-10)
+    x = cs.MX.sym("x", 4)
+    y = (model.interpolation(0.1) @ f(cs.DM(values) * x, [], model.properties))[1, :].T / 1e-5
+    motion_of = cs.Function("motion_of", [x], [y, cs.jacobian(y, x), cs.gradient(cs.sumsqr(y), x)])
+    value, jacobian, gradient = (result.full() for result in motion_of(np.ones(4)))
+    for k, step in enumerate(1e-30j * np.diag(values)):
+        expected = decay(modes.angular_frequencies[0], *np.split(values + step, 2), np.arange(31) / 100).imag / 1e-30
+        assert np.abs(expected).max() > 0.03
+        np.testing.assert_allclose(jacobian[:, k], expected, atol=1e-6 * np.abs(expected).max())
+    np.testing.assert_allclose(gradient, 2 * jacobian.T @ value, rtol=1e-9)
 
 
 @pytest.mark.slow  # 6 s

@@ -274,6 +274,12 @@ def test_beams_that_are_no_curve_are_refused(paper_beam, tmp_path, changes, mess
         write_newton(Model(paper_beam(elements=4, **changes)), tmp_path / "cable.usda")
 
 
+def test_a_curve_whose_damping_and_steps_stop_the_oscillation_is_refused(paper_beam, tmp_path):
+    with pytest.raises(InputError, match=r"damping: .*does not oscillate with steps of"):
+        write_newton(Model(paper_beam(elements=4)), tmp_path / "cable.usda", damping=RayleighDamping(alpha=8.0))
+    assert not any(tmp_path.iterdir())
+
+
 def test_segments_of_a_thin_curve_keep_the_inertia_that_newton_would_correct(tmp_path):
     """Newton adds 1e-6 kg m^2 to a segment whose inertia m d^2/8 about its axis is below 1e-10 kg m^2."""
     beam = Beam.uniform(length=0.3, section=Section.circle(0.5e-3), density=1500.0, elastic_modulus=2e9, elements=6)

@@ -271,8 +271,7 @@ class SensitivityProblem:
                 )
             stop_if_interrupted()
         steps, node = RadauSteps.of(self.equations.model, ends), excitation.at(excitation.begin)
-        internal = [ends[0][4].T] if self.equations.branches else []
-        forces = self._tangent.force_jacobian(*ends[0][1], node, parameters, *internal).full()
+        forces = self._tangent.force_jacobian(*ends[0][1], node, parameters, ends[0][4].T).full()
         jacobian = -np.linalg.solve(self._tangent.form.mass(parameters).full(), forces)
         return steps, jacobian, stepper.state
 

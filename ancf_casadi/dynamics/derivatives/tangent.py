@@ -218,17 +218,14 @@ class Tangent:
 
     @cached_property
     def force_jacobian(self) -> cs.Function:
-        """(q, v, a, excitation, parameters) -> Jacobian of the forces on the free coordinates, for all inputs but a.
-
-        Internal strains, if any, are a further input.
-        """
+        """(q, v, a, excitation, parameters, z) -> Jacobian of the forces on the free coordinates for all but a."""
         q, v, a = (cs.MX.sym(name, self._free) for name in "qva")
         excitation, p = cs.MX.sym("excitation", EXCITATION), cs.MX.sym("p", self.form.equations.layout.size)
         balance = Collocation(replace(self.form.equations, make=as_they_are)).balance
-        internal = [cs.MX.sym("internal", *balance.size_in(k)) for k in range(5, balance.n_in())]
-        forces = balance(q, v, a, excitation, p, *internal)
-        jacobian = cs.horzcat(*(cs.jacobian(forces, x) for x in (q, v, excitation, p, *internal)))
-        return cs.Function("force_jacobian", [q, v, a, excitation, p, *internal], [jacobian])
+        internal = cs.MX.sym("internal", *self.form.equations.internal_shape)
+        forces = balance(q, v, a, excitation, p, internal)
+        jacobian = cs.horzcat(*(cs.jacobian(forces, x) for x in (q, v, excitation, p, internal)))
+        return cs.Function("force_jacobian", [q, v, a, excitation, p, internal], [jacobian])
 
     @cached_property
     def bandwidth(self) -> int:
@@ -283,7 +280,7 @@ class Tangent:
         motion, load = self._motion(z, h, u)
         all_nodes = [self.form.equations.model.whole(*pair) for pair in motion]
         (e, e_t, _), balance, form = all_nodes, self._balance(u), self.form
-        overstrains, by_stage, further = self._overstrains(motion, balance, h, u), None, []
+        (overstrains, _), by_stage, further = self._relaxation(motion, balance, h, u), None, []
         if overstrains is not None:
             model = form.equations.model
             places = np.arange(STAGES * model.beam.elements).reshape(-1, STAGES).T.ravel().tolist()
@@ -316,23 +313,18 @@ class Tangent:
 
     def _relaxation(
         self, motion: Sequence[tuple[cs.MX, cs.MX]], balance: Balance, h: cs.MX, u: cs.MX
-    ) -> tuple[cs.MX, cs.MX]:
-        """Return the results of ``Collocation.overstrains``."""
+    ) -> tuple[cs.MX | None, cs.MX]:
+        """Return the results of ``Collocation.relaxation``."""
         form, (free, node) = self.form, motion[0]
-        strains = form.strains(form.links.ends(node, free), form.element_columns(balance))
-        internal = cs.reshape(u[self.layout["internal"]], -1, form.equations.model.beam.elements)
-        return form.overstrains(strains, internal, h, balance)
-
-    def _overstrains(self, motion: Sequence[tuple[cs.MX, cs.MX]], balance: Balance, h: cs.MX, u: cs.MX) -> cs.MX | None:
-        """Return the overstrains at the stages, one column per element and stage; None if the law does not relax."""
-        return self._relaxation(motion, balance, h, u)[0] if self.form.equations.branches else None
+        internal = cs.reshape(u[self.layout["internal"]], form.equations.internal_shape)
+        return form.relaxation(form.links.ends(node, free), form.element_columns(balance), internal, h, balance)
 
     def relaxation(self, d: int, *, transposed: bool = False) -> BoundStep:
         """(Z, h, u, (dZ, du)) -> derivatives of the internal strains at the end, for d directions.
 
         If ``transposed``, the vectors are weights of these internal strains, and the results are weights of (Z, u).
         """
-        if (d, transposed) not in self._relaxations:
+        if (d, transposed) not in self._bound:
             z, h, u = self._symbols
             internal = cs.vec(self._relaxation(self._motion(z, h, u)[0], self._balance(u), h, u)[1])
             vectors = cs.MX.sym("vectors", internal.numel() if transposed else z.numel() + u.numel(), d)
@@ -342,16 +334,9 @@ class Tangent:
             else:
                 dz, du = cs.vertsplit(vectors, [0, z.numel(), z.numel() + u.numel()])
                 product = cs.jtimes(internal, z, cs.reshape(dz, z.size1(), -1)) + cs.jtimes(internal, u, du)
-            inputs, options = [z, h, u, vectors], {"is_diff_in": [False] * 4}
-            self._relaxations[d, transposed] = BoundStep(
-                cs.Function("relaxation", inputs, [cs.densify(product)], options)
-            )
-        return self._relaxations[d, transposed]
-
-    @cached_property
-    def _relaxations(self) -> dict[tuple[int, bool], BoundStep]:
-        """The Functions of ``relaxation`` that have been used."""
-        return {}
+            function = cs.Function("relaxation", [z, h, u, vectors], [cs.densify(product)], {"is_diff_in": [False] * 4})
+            self._bound[d, transposed] = BoundStep(function)
+        return self._bound[d, transposed]
 
     def factors(self, entries: Array, steps: RadauSteps, k: int, modal_coefficients: Array) -> BandedFactors:
         """Return the factors of G for the entries that ``_linearisation`` returns for the k-th step."""
@@ -375,8 +360,8 @@ class Tangent:
         return self._bound[directions]
 
     @cached_property
-    def _bound(self) -> dict[int, BoundStep]:
-        """The Functions by their numbers of directions, as far as used."""
+    def _bound(self) -> dict[int | tuple[int, bool], BoundStep]:
+        """The Functions of ``bound`` and ``relaxation`` by their arguments, as far as used."""
         return {}
 
     def adjoint_product(self, bound: BoundStep, factors: BandedFactors, weights: Array) -> Array:
@@ -395,7 +380,7 @@ class Tangent:
         motion, _ = self._motion(z, h, u)
         all_nodes = [self.form.equations.model.whole(*pair) for pair in motion]
         balance = self._balance(u)
-        residual = self._residual(motion, all_nodes, balance, u, self._overstrains(motion, balance, h, u))
+        residual = self._residual(motion, all_nodes, balance, u, self._relaxation(motion, balance, h, u)[0])
         product = cs.densify(cs.jtimes(residual, u, w, True))
         return BoundStep(cs.Function("tangent_product", [z, h, u, w], [product], {"is_diff_in": [False] * 4}))
 
@@ -516,7 +501,7 @@ def reverse(tangent: Tangent, run: MotionRun, weights: Array) -> tuple[Array, Ar
     d, step_layout, (of_free, of_base) = weights.shape[3], tangent.layout, run.maps
     bound, modal_coefficients = tangent.bound(0), tangent.modal_coefficients(run.parameters)
     free = step_layout["q"].stop
-    internal_size = step_layout["internal"].stop - step_layout["internal"].start
+    internal_size = tangent.form.equations.internal_size
     sizes = {"excitation": EXCITATION, "parameters": run.parameters.size, "internal": internal_size}
     first_layout, z = Layout.of(q=free, v=free, **sizes), np.zeros((internal_size, d))
     p, b = np.zeros((run.parameters.size, d)), np.zeros((run.passages[0].excitation.parameters.size, d))
@@ -538,10 +523,9 @@ def reverse(tangent: Tangent, run: MotionRun, weights: Array) -> tuple[Array, Ar
             weights_of_z = increments.reshape(-1, d)
             by_relaxation = np.zeros((weights_of_z.shape[0] + step_layout.size, d))
             if internal_size:
-                relaxation = tangent.relaxation(1, transposed=True).at(steps, k, run.parameters)
-                for column in range(d):
-                    relaxation.vectors[0] = z[:, column]
-                    by_relaxation[:, column] = relaxation()[0].ravel()
+                relaxation = tangent.relaxation(d, transposed=True)
+                relaxation.vectors[:] = z.T
+                by_relaxation = relaxation.at(steps, k, run.parameters)()[0].reshape(d, -1).T
             transposed = tangent.transposed.at(steps, k, run.parameters)
             by_increments, direct = np.split(by_relaxation, [weights_of_z.shape[0]])
             adjoint = tangent.adjoint_product(transposed, factors, weights_of_z + by_increments) + direct

@@ -123,7 +123,7 @@ class Collocation:
         """
         s = self._symbols
         increments, turns, *motion, modal_velocities = self._advance()
-        overstrains = self._relaxation(motion[0])[0] if self.equations.branches else None
+        overstrains, _ = self._relaxation(motion[0])
         on_links, further = self._forces(motion, self._whole(motion), overstrains)
         modal = cs.diag(self._balance.modal_coefficients) @ modal_velocities
         corrections = self._solution(on_links, further[:, 1:], turns, modal)
@@ -132,9 +132,9 @@ class Collocation:
 
     @cached_property
     def finish(self) -> cs.Function:
-        """(``_symbols``, a) -> coordinates at the stages (12, nodes), q, v and a at the end (N, 3), norm of error.
+        """(``_symbols``, a) -> coordinates at the stages (12, nodes), then at the end q, v and a (N, 3), error and z.
 
-        With Maxwell branches, the internal strains at the end are a further output.
+        The error is a norm, and z are the internal strains (m b, n).
         """
         s, a, model = self._symbols, cs.MX.sym("a", self.equations.free), self.equations.model
         base, base_rate, *_ = cs.vertsplit(self._base, NODE)
@@ -145,11 +145,9 @@ class Collocation:
         error = self._error(e, e_t, deviation, deviation_rate)
         size = math.sqrt(STAGES) * cs.norm_2(cs.vec(s.weights[:NODE, :] * error))
         nodes = cs.horzcat(cs.vec(base), coordinates)
-        outputs = [nodes, cs.horzcat(*end), size]
-        if self.equations.branches:
-            pairs = (x for of_stage in cs.vertsplit(nodes, NODE) for x in (of_stage[:, :-1], of_stage[:, 1:]))
-            outputs.append(self._relaxation(cs.vertcat(*pairs))[1])
-        return _function("finish", [*vars(s).values(), a], outputs)
+        pairs = (x for of_stage in cs.vertsplit(nodes, NODE) for x in (of_stage[:, :-1], of_stage[:, 1:]))
+        _, internal = self._relaxation(cs.vertcat(*pairs))
+        return _function("finish", [*vars(s).values(), a], [nodes, cs.horzcat(*end), size, internal])
 
     def _error(self, e: cs.MX, e_t: cs.MX, deviation: cs.MX, rate: cs.MX) -> cs.MX:
         """Return the estimated error (4, links), turned back, from the embedded deviation and its rate (4, links).
@@ -176,21 +174,20 @@ class Collocation:
 
     @cached_property
     def factors(self) -> cs.Function:
-        """(Z, q, v, h, excitation of the middle stage, parameters) -> reference, outer and inner factors."""
+        """(Z, q, v, h, excitation of the middle stage, parameters, z) -> reference, outer and inner factors."""
         s, excitation = self._symbols, cs.MX.sym("excitation", EXCITATION)
         position, velocity, _, load = cs.vertsplit(excitation, NODE)
         model, middle = self.equations.model, slice(NODE * MIDDLE, NODE * (MIDDLE + 1))
         e = model.whole(s.q, position) + cs.vertcat(cs.MX(NODE, 1), cs.vec(s.increments[middle, :]))
         balance = self._balance
-        overstrains = balance.overstrains(e, cs.vec(s.internal)) if self.equations.branches else None
-        k, d, m = balance.tangents(e, model.whole(s.v, velocity), load, overstrains)
+        k, d, m = balance.tangents(e, model.whole(s.v, velocity), load, balance.overstrains(e, s.internal))
         if self.equations.branches:
             products, (alpha, beta) = balance.strain_products(e), self._newton_weights
             k, d = k + alpha * products, d + beta * products
         rates = cs.vertcat(RADAU.gamma, RADAU.mu.real, RADAU.mu.imag) / s.h
         k, d, m = self.links.matrices(k, unit=1.0), self.links.matrices(d), self.links.matrices(m)
         outer, inner = self.links.factors(k, d, m, rates)
-        inputs = [s.increments, s.q, s.v, s.h, excitation, s.parameters, *self._internal]
+        inputs = [s.increments, s.q, s.v, s.h, excitation, s.parameters, s.internal]
         return _function("factors", inputs, [cs.reshape(e, NODE, -1), outer, inner])
 
     @cached_property
@@ -210,9 +207,9 @@ class Collocation:
         )
         return _function("prediction", [nodes, ratio, s.excitations], [increments])
 
-    def accelerations(self, q: Array, v: Array, excitation: Array, parameters: Array, *internal: Array) -> Array:
-        """Return the accelerations a in a state (q, v) under an excitation (16,)."""
-        forces = self.balance(q, v, 0 * q, excitation, parameters, *internal).full().ravel()
+    def accelerations(self, q: Array, v: Array, excitation: Array, parameters: Array, internal: Array) -> Array:
+        """Return the accelerations a in a state (q, v, internal strains) under an excitation (16,)."""
+        forces = self.balance(q, v, 0 * q, excitation, parameters, internal).full().ravel()
         return np.asarray(scipy.sparse.linalg.spsolve(self.mass(parameters).sparse(), -forces))
 
     @cached_property
@@ -256,23 +253,20 @@ class Collocation:
         base = cs.vertsplit(self._base, NODE)
         return [self.links.whole(node, of_links) for node, of_links in zip(base, motion, strict=True)]
 
-    @property
-    def _internal(self) -> list[cs.MX]:
-        """The symbol of the internal strains, if the law has Maxwell branches."""
-        return [self._symbols.internal] if self.equations.branches else []
-
-    def strains(self, coordinates: cs.MX, columns: tuple[cs.MX, cs.MX]) -> cs.MX:
-        """Return the scaled strains of the elements at the stages, (3 m, n), from coordinates of links (24, links)."""
-        equations = self.equations
-        coordinates = cs.reshape(coordinates[:, equations.model.root :], LINK, -1)
-        (strains,) = map_elements(equations.element("strains", 0), coordinates, *columns)
-        return cs.reshape(strains, -1, equations.model.beam.elements)
-
-    def overstrains(self, strains: cs.MX, internal: cs.MX, h: cs.MX, balance: Balance) -> tuple[cs.MX, cs.MX]:
+    def relaxation(
+        self, coordinates: cs.MX, columns: tuple[cs.MX, cs.MX], internal: cs.MX, h: cs.MX, balance: Balance
+    ) -> tuple[cs.MX | None, cs.MX]:
         """Return the overstrains, (m b, 3 n), one column per element and stage, and the internal strains at the end.
 
-        ``strains`` are as ``strains`` returns them, and ``internal`` (m b, n) the internal strains at the start.
+        ``coordinates`` are those of links at the stages, (24, links), ``columns`` those of ``element_columns``, and
+        ``internal`` (m b, n) the internal strains at the start.  Without Maxwell branches, there are no overstrains.
         """
+        equations = self.equations
+        if not equations.branches:
+            return None, internal
+        coordinates = cs.reshape(coordinates[:, equations.model.root :], LINK, -1)
+        (strains,) = map_elements(equations.element("strains", 0), coordinates, *columns)
+        strains = cs.reshape(strains, -1, equations.model.beam.elements)
         m, branches = strains.size1() // STAGES, []
         for first, (weights, *_) in zip(cs.vertsplit(internal, m), self.branch_weights(h, balance), strict=True):
             overstrains = cs.kron(weights, cs.DM.eye(m)) @ (strains - cs.repmat(first, STAGES, 1))
@@ -285,11 +279,10 @@ class Collocation:
         _, times = self.equations.law.branches(balance.coefficients)
         return [overstrain_weights().call([tau / h]) for tau in cs.vertsplit(times)]
 
-    def _relaxation(self, coordinates: cs.MX) -> tuple[cs.MX, cs.MX]:
-        """Return the results of ``overstrains`` from the coordinates of links at the stages, (24, links)."""
+    def _relaxation(self, coordinates: cs.MX) -> tuple[cs.MX | None, cs.MX]:
+        """Return the results of ``relaxation`` for the symbols of a step."""
         s = self._symbols
-        strains = self.strains(coordinates, (s.properties, s.constants))
-        return self.overstrains(strains, s.internal, s.h, self._balance)
+        return self.relaxation(coordinates, (s.properties, s.constants), s.internal, s.h, self._balance)
 
     @property
     def _newton_weights(self) -> tuple[cs.MX, cs.MX]:
@@ -350,8 +343,6 @@ class Collocation:
         """The inputs of ``stages``, in order, which the other Functions share."""
         free, model, links = self.equations.free, self.equations.model, self.links.count
         elements, constants = model.beam.elements, 2 + len(self.equations.law.parameters)
-        internal = cs.MX.sym("internal", self.equations.internal_size // elements, elements)
-        of_branches = {"internal": internal} if self.equations.branches else {}
         return SimpleNamespace(
             increments=cs.MX.sym("Z", VALUES, links),
             corrections=cs.MX.sym("dW", VALUES, links),
@@ -369,20 +360,19 @@ class Collocation:
             outer=cs.MX.sym("outer", 3 * BLOCK, links),
             inner=cs.MX.sym("inner", 6 * BLOCK, links),
             weights=cs.MX.sym("weights", VALUES, links),
-            **of_branches,
+            internal=cs.MX.sym("internal", *self.equations.internal_shape),
         )
 
     @cached_property
     def balance(self) -> cs.Function:
-        """(q, v, a, excitation, parameters, internal strains if any) -> forces on the free coordinates."""
+        """(q, v, a, excitation, parameters, internal strains) -> forces on the free coordinates."""
         q, v, a = (cs.MX.sym(name, self.equations.free) for name in "qva")
-        excitation, model = cs.MX.sym("excitation", EXCITATION), self.equations.model
+        s, excitation, model = self._symbols, cs.MX.sym("excitation", EXCITATION), self.equations.model
         *of_base, load = cs.vertsplit(excitation, NODE)
         e, e_t, e_tt = (model.whole(x, b) for x, b in zip((q, v, a), of_base, strict=True))
-        internal, inputs = self._internal, [q, v, a, excitation, self._symbols.parameters]
-        overstrains = self._balance.overstrains(e, cs.vec(internal[0])) if internal else None
+        overstrains = self._balance.overstrains(e, s.internal)
         forces = model.of_free(self._balance.forces(e, e_t, e_tt, load, overstrains))
-        return cs.Function("balance", [*inputs, *internal], [forces])
+        return cs.Function("balance", [q, v, a, excitation, s.parameters, s.internal], [forces])
 
 
 @lru_cache(8)

@@ -66,20 +66,19 @@ class Newton:
         self.excitations = np.zeros((STAGES, EXCITATION))
         self._iterate, self._next = np.zeros((2, 3, links, STAGES, NODE))
         self.corrections, self.increments, self.turns = self._iterate
-        self.internal = np.zeros((model.beam.elements, form.equations.internal_size // model.beam.elements))
-        internal = [self.internal] if form.equations.branches else []
+        self.internal = np.zeros(form.equations.internal_shape[::-1])
         self.iterations = self.factorisations = 0
         self.contraction = 1.0
         motion = *self.end[:2], self.length
         middle = self.excitations[MIDDLE]
-        self._factors = Buffered(form.factors, self.increments, *motion, middle, parameters, *internal)
+        self._factors = Buffered(form.factors, self.increments, *motion, middle, parameters, self.internal)
         reference, *factors = self._factors.outputs
         columns = evaluate_dense(form.columns, parameters)
         trial = self.increments, self.corrections, self.turns, *motion, self.excitations
         weights = np.zeros(NODE * links)  # of corrections at four places per node
         weights[model.first_moved - NODE] = 1 / (model.free_scale * tolerance * math.sqrt(STAGES * free))
         weights = np.repeat(weights.reshape(links, 1, NODE), STAGES, axis=1)
-        self.of_stages = [*trial, reference, parameters, *(x.T for x in columns), *factors, weights, *internal]
+        self.of_stages = [*trial, reference, parameters, *(x.T for x in columns), *factors, weights, self.internal]
         self._stages = Buffered(form.stages, *self.of_stages, outputs=[*self._next])
 
     def factorise(self) -> None:

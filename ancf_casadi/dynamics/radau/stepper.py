@@ -125,8 +125,7 @@ class Stepper:
         q[:], v[:] = model.of_free(start.coordinates), model.of_free(start.velocities)
         arrays.nodes[:] = model.whole(q, first[:NODE]).reshape(-1, 1, NODE)
         arrays.internal.reshape(-1)[:] = form.equations.internal(start, parameters)
-        internal = [arrays.internal.T] if form.equations.branches else []
-        a[:] = form.accelerations(q, v, first, parameters, *internal)
+        a[:] = form.accelerations(q, v, first, parameters, arrays.internal.T)
 
         self._finish = Buffered(form.finish, *arrays.of_stages, a)
         trial_inputs = arrays.time, arrays.length, arrays.ratio, arrays.nodes
@@ -174,7 +173,7 @@ class Stepper:
             if not iterations:
                 control = control.after_failure(h)
                 continue
-            stages, end, norm, *internal = self._finish()
+            stages, end, norm, internal = self._finish()
             error = norm.item()
             if error <= 1.0:
                 break
@@ -183,8 +182,7 @@ class Stepper:
         self._control = control.after_step(h, error, iterations, newton.contraction, self._largest_step)
         newton.nodes[:, 0] = newton.nodes[:, -1]
         newton.nodes[:, 1:], newton.end[:] = stages.reshape(-1, STAGES, NODE), end.reshape(newton.end.shape)
-        if internal:
-            newton.internal.reshape(-1)[:] = internal[0].ravel()
+        newton.internal.reshape(-1)[:] = internal.ravel()
         self.now += h
         self.steps += 1
 

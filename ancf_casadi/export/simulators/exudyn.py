@@ -37,7 +37,8 @@ from ancf_casadi.export.simulators.settings import (
     damping_coefficients,
     equal_speed_amplitudes,
     law_terms,
-    write_with_longest_step,
+    longest_step,
+    write_template,
 )
 from ancf_casadi.mechanics.attachments import PointMass
 from ancf_casadi.mechanics.model import Model
@@ -104,9 +105,8 @@ def write_exudyn(
         return np.asarray(scipy.linalg.block_diag(*blocks))
 
     values = _template_values(modes, modal, request.amplitude)
-    return write_with_longest_step(
-        request, coefficients, beam.elements, modes.frequencies, float(ratios[0]), transition_matrix, **values
-    )
+    step = longest_step(request, modes.frequencies, float(ratios[0]), transition_matrix)
+    return write_template(request, coefficients, beam.elements, step, transition_matrix, **values)
 
 
 def _template_values(modes: Modes, modal: Sequence[ModalDamping], amplitude: float) -> dict[str, Any]:

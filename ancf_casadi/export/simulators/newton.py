@@ -40,7 +40,7 @@ import numpy as np
 
 from ancf_casadi.damping import DampingLaw
 from ancf_casadi.exceptions import InputError
-from ancf_casadi.export.simulators.segments import SegmentedBeam, SmallMotion
+from ancf_casadi.export.simulators.segments import SegmentedBeam, step_matrix
 from ancf_casadi.export.simulators.settings import STEPS, ExportedBeam, SimulatorBeam, write_segments
 from ancf_casadi.mechanics.beam import Beam
 from ancf_casadi.mechanics.model import Model
@@ -58,7 +58,7 @@ class LinkedBeam(SimulatorBeam):
     implicit = False
 
     @cached_property
-    def links(self) -> SegmentedBeam:
+    def chain(self) -> SegmentedBeam:
         """The segments, each rigidly joined with its point masses."""
         beam = self.beam
         masses, centres, inertias = (values.copy() for values in (beam.masses, beam.centres, beam.inertias))
@@ -69,15 +69,10 @@ class LinkedBeam(SimulatorBeam):
             masses[segment] = total
         return replace(beam, masses=masses, centres=centres, inertias=inertias, point_masses=())
 
-    @cached_property
-    def small_motion(self) -> SmallMotion:
-        """Small motion about the equilibrium."""
-        return self.links.small_motion()
-
     @property
     def air(self) -> tuple[Array, Array, Array]:
         """Force per velocity, force per velocity squared, and moment per rate of turn, of each link."""
-        coefficients, links, beam = self.coefficients, self.links, self.beam
+        coefficients, links, beam = self.coefficients, self.chain, self.beam
         linear = coefficients.alpha * links.masses + coefficients.eta1 * beam.masses
         return linear, coefficients.drag * beam.masses, (coefficients.alpha + coefficients.eta1) * links.inertias
 
@@ -101,12 +96,11 @@ class Cable(SimulatorBeam):
     @property
     def warnings(self) -> tuple[str, ...]:
         """Sentences on what the curve cannot represent."""
-        beta, softening = self.beta(self.step), self.stretch_stiffness / self._beam.axial_stiffness[0]
-        by_step = self._step_ratio(self.step)
+        softening = self.stretch_stiffness / self._beam.axial_stiffness[0]
         return (
-            f"a bend damping of {beta:.4g} s times E I and the implicit steps, which alone give mode 1 a damping ratio "
-            f"of {by_step:.2g}, together {'meet' if beta else 'exceed'} that of mode 1 at a tip amplitude of "
-            f"{self.request.amplitude:.4g} m; ratios of higher modes are proportional to frequency",
+            f"a bend damping of {self.beta:.4g} s times E I and the implicit steps, which alone give mode 1 a damping "
+            f"ratio of {self._step_ratio:.2g}, together {'meet' if self.beta else 'exceed'} that of mode 1 at a tip "
+            f"amplitude of {self.request.amplitude:.4g} m; ratios of higher modes are proportional to frequency",
             f"stretch and shear have {softening:.2g} times the stiffness E A, for 20 iterations of VBD to converge",
         )
 
@@ -114,8 +108,9 @@ class Cable(SimulatorBeam):
     def _beam(self) -> Beam:
         return self.request.modes.model.beam
 
-    def _step_ratio(self, step: float) -> float:
-        return float(self.modes[0][0] * step / 2)
+    @property
+    def _step_ratio(self) -> float:
+        return float(self.modes[0][0] * self.step / 2)
 
     @cached_property
     def chain(self) -> SegmentedBeam:
@@ -143,11 +138,6 @@ class Cable(SimulatorBeam):
             natural_angles=np.full(count, curvature[0] * length),
         )
 
-    @cached_property
-    def small_motion(self) -> SmallMotion:
-        """Small motion about the equilibrium."""
-        return self.chain.small_motion()
-
     @property
     def bending_stiffness(self) -> float:
         """E I, N m^2."""
@@ -156,10 +146,8 @@ class Cable(SimulatorBeam):
     @property
     def stretch_stiffness(self) -> float:
         """Stretch and shear stiffness, N: at most E A; shear changes mode 3 by half the tolerance."""
-        characteristic_force: float = (
-            math.sqrt(self.bending_stiffness * self._beam.mass_per_length[0]) * self.modes[0][-1]
-        )
-        return min(float(self._beam.axial_stiffness[0]), characteristic_force / self.request.tolerance)
+        limit = math.sqrt(self.bending_stiffness * self._beam.mass_per_length[0]) / self.request.tolerance
+        return float(min(self._beam.axial_stiffness[0], limit * self.modes[0][-1]))
 
     @property
     def step(self) -> float:
@@ -203,24 +191,25 @@ class Cable(SimulatorBeam):
         start = np.array(self.chain.origin) - steps[0]
         return [tuple(point) for point in np.vstack([start, start + np.cumsum(steps, axis=0)]).tolist()]
 
-    def beta(self, step: float) -> float:
-        """Return the bend damping over E I, s, that gives mode 1 its damping ratio together with implicit steps."""
-        missing = max(float(self.request.ratios[0]) - self._step_ratio(step), 0.0)
-        return missing / self.small_motion.ratio(self._bend_damping(1.0), 0)
+    @cached_property
+    def beta(self) -> float:
+        """Bend damping over E I, s, that gives mode 1 its damping ratio together with implicit steps."""
+        missing = max(float(self.request.ratios[0]) - self._step_ratio, 0.0)
+        return missing / self.small_motion.ratio(self._bend_damping, 0)
 
-    def _bend_damping(self, beta: float) -> Array:
-        return self.small_motion.damping(np.zeros(3 * self.beam.count), beta * self.chain.stiffness)
+    @property
+    def _bend_damping(self) -> Array:
+        """Damping matrix for beta = 1."""
+        return self.small_motion.damping(0.0, self.chain.stiffness)
 
     def damping(self, mode: int) -> Array:
-        """Return the damping matrix of the joints if they provide the whole damping ratio, without steps."""
-        return self._bend_damping(self.beta(0.0))
+        """Return the damping matrix of the joints."""
+        return self.beta * self._bend_damping
 
     def transition_matrix(self, mode: int, step: float) -> Array:
-        """Return the matrix of one implicit Euler step."""
-        M, K, eye = self.small_motion.mass, self.small_motion.stiffness, np.eye(self.beam.count)
-        inverse = np.linalg.inv(M + step * self._bend_damping(self.beta(step)) + step**2 * K)
-        velocity = np.hstack([-step * inverse @ K, inverse @ M])
-        return np.vstack([np.hstack([eye, 0.0 * eye]) + step * velocity, velocity])
+        """Return the matrix of one step of implicit Euler, in which a stiffness acts like the damping h K, too."""
+        M, K = self.small_motion.mass, self.small_motion.stiffness
+        return step_matrix(M, self.damping(mode) + step * K, K, step)
 
 
 def write_newton(

@@ -210,7 +210,7 @@ class SmallMotion:
         """The mass matrix M."""
         return np.asarray((self.jacobian.T * self.inertias) @ self.jacobian)
 
-    def damping(self, at_masses: Array, at_joints: Array | float = 0.0) -> Array:
+    def damping(self, at_masses: Array | float, at_joints: Array | float = 0.0) -> Array:
         """Return D of dampers at the masses (N s/m, N m s/rad) and at the joints (N m s/rad)."""
         return np.asarray((self.jacobian.T * at_masses) @ self.jacobian + (self.turns.T * at_joints) @ self.turns)
 

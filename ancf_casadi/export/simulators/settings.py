@@ -249,9 +249,14 @@ class SimulatorBeam(ABC):
     beam: SegmentedBeam
 
     @cached_property
+    def chain(self) -> SegmentedBeam:
+        """The segments as the program has them."""
+        return self.beam
+
+    @cached_property
     def small_motion(self) -> SmallMotion:
         """Small motion about the equilibrium."""
-        return self.beam.small_motion()
+        return self.chain.small_motion()
 
     @cached_property
     def modes(self) -> tuple[Array, Array]:
@@ -338,40 +343,49 @@ def write_segments(kind: type[SimulatorBeam], template: str, *request_arguments:
         count = min(MAX_SEGMENTS, max(count + 1, int(0.9 * count * (error / segment_tolerance) ** (1 / 3))))
     ratio = program.small_motion.ratio(program.damping(0), 0)
     coefficients = replace(coefficients, warnings=program.warnings)
-    templated: dict[str, Any] = {"step": program.step, "program": program, "beam": program.beam}
-    return write_with_longest_step(
-        request, coefficients, count, frequencies, ratio, program.transition_matrix, **templated
+    step = program.step or longest_step(request, frequencies, ratio, program.transition_matrix)
+    return write_template(
+        request, coefficients, count, step, program.transition_matrix, program=program, beam=program.chain
     )
 
 
-def write_with_longest_step(
+def longest_step(
+    request: ExportRequest, frequencies: Array, ratio: float, transition_matrix: Callable[[int, float], Array]
+) -> float:
+    """Return the longest step, s, that is stable with a margin and keeps frequencies and first damping ratio.
+
+    ``frequencies``, Hz, and the damping ratio of mode 1, ``ratio``, are those of the beam in the program, continuous in
+    time.  ``transition_matrix`` is that of ``SimulatorBeam``.
+    """
+    ratio_tolerance = RATIO_TOLERANCES * request.tolerance * max(ratio, MIN_RATIO)
+    for step in STEPS:
+        reached, ratios = _step_modes(transition_matrix, step)
+        longer = STABILITY_MARGIN * step
+        if (
+            poles(transition_matrix(0, longer), longer, COMPARED_MODES)[2]
+            and np.abs(reached / frequencies - 1.0).max() <= (1.0 - SEGMENT_SHARE) * request.tolerance
+            and abs(ratios[0] - ratio) <= ratio_tolerance
+        ):
+            return step
+    raise InputError(f"no step down to {STEPS[-1]:g} s keeps the frequencies; allow for more", "tolerance")
+
+
+def write_template(
     request: ExportRequest,
     coefficients: DampingCoefficients,
     segments: int,
-    frequencies: Array,
-    ratio: float,
+    step: float,
     transition_matrix: Callable[[int, float], Array],
-    step: float | None = None,
     **template_values: Any,
 ) -> ExportedBeam:
-    """Write a beam with the given step, s, or with the longest step that meets the tolerance if it is None.
-
-    ``frequencies``, Hz, and the damping ratio of mode 1, ``ratio``, are those of the beam in the program, continuous in
-    time.  ``transition_matrix`` is that of ``SimulatorBeam``, and the template uses ``template_values``.
-    """
-    steps = STEPS if step is None else (step,)
-    for trial in steps:
-        reached = _step_modes(transition_matrix, trial)
-        if reached and (
-            step is not None or _meets_tolerance(request, frequencies, ratio, transition_matrix, trial, reached)
-        ):
-            break
-    else:
-        raise InputError(f"no step down to {steps[-1]:g} s keeps the frequencies; allow for more", "tolerance")
+    """Fill the template of a program for steps, s; it uses ``template_values``."""
+    reached = _step_modes(transition_matrix, step)
+    if np.isnan(reached).any():
+        raise InputError(f"is so large that a mode does not oscillate with steps of {step:g} s; reduce it", "damping")
     exported = ExportedBeam(
         format=request.template.partition(".")[0],
         segments=segments,
-        step=trial,
+        step=step,
         amplitude=request.amplitude,
         frequencies=request.modes.frequencies,
         reached_frequencies=reached[0],
@@ -383,31 +397,14 @@ def write_with_longest_step(
     return exported
 
 
-def _step_modes(transition_matrix: Callable[[int, float], Array], step: float) -> tuple[Array, Array] | None:
-    """Return frequencies and damping ratios with a step, s; None if a mode does not oscillate."""
-    mode_poles = [poles(transition_matrix(k, step), step, COMPARED_MODES)[:2] for k in range(COMPARED_MODES)]
-    if any(len(pole_frequencies) < COMPARED_MODES for pole_frequencies, _ in mode_poles):
-        return None
-    reached, ratios = np.array([[column[k] for column in columns] for k, columns in enumerate(mode_poles)]).T
-    return reached, ratios
-
-
-def _meets_tolerance(
-    request: ExportRequest,
-    frequencies: Array,
-    ratio: float,
-    transition_matrix: Callable[[int, float], Array],
-    step: float,
-    reached: tuple[Array, Array],
-) -> bool:
-    """Return whether a step is stable with a margin and keeps frequencies and first damping ratio within tolerance."""
-    longer = STABILITY_MARGIN * step
-    ratio_tolerance = RATIO_TOLERANCES * request.tolerance * max(ratio, MIN_RATIO)
-    return (
-        poles(transition_matrix(0, longer), longer, COMPARED_MODES)[2]
-        and bool(np.abs(reached[0] / frequencies - 1.0).max() <= (1.0 - SEGMENT_SHARE) * request.tolerance)
-        and bool(abs(reached[1][0] - ratio) <= ratio_tolerance)
-    )
+def _step_modes(transition_matrix: Callable[[int, float], Array], step: float) -> Array:
+    """Return frequencies, Hz, and damping ratios (2, 3) with a step, s; nan if a mode does not oscillate."""
+    reached = np.full((2, COMPARED_MODES), math.nan)
+    for k in range(COMPARED_MODES):
+        frequencies, ratios, _ = poles(transition_matrix(k, step), step, COMPARED_MODES)
+        if len(frequencies) == COMPARED_MODES:
+            reached[:, k] = frequencies[k], ratios[k]
+    return reached
 
 
 def _fill_template(template: str, exported: ExportedBeam, **template_values: Any) -> str:

@@ -97,7 +97,7 @@ def test_the_prestress_of_a_strip_between_two_clamps():
         (["mass_2"], "unknowns: the beam has no mass_2 to change; give the beam a first value of it"),
         (["clamp_stiffness"], "unknowns: the beam has no clamp_stiffness to change"),
         (["natural_curvature"], "natural_curvature: cannot be estimated for a beam with a Spring at 0.25 m"),
-        (["spring_y", "spring_stiffness"], "unknowns: spring_stiffness contains the other springs"),
+        (["spring_y", "spring_stiffness"], "unknowns: spring_stiffness changes the same property as spring_y"),
     ],
 )
 def test_unknowns_that_a_beam_does_not_have_are_refused(names, message):

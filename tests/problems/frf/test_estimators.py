@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.signal import welch
 
 from ancf_casadi import InputError, Measurement, Sensor
 from problems import fit_decay, fit_frf, frf_of
@@ -83,6 +84,20 @@ def test_leakage_that_follows_from_the_force_is_removed(noise):
     np.testing.assert_allclose(fit.damping_ratios, ratios, rtol=1e-3 if not noise[0] else 0.02)
     with_leakage = fit_frf(replace(record, scatter=None), frequencies=FREQUENCIES)
     assert np.abs(with_leakage.damping_ratios / ratios - 1).max() > 0.01
+
+
+def test_weights_without_leakage_follow_from_the_power_of_the_force_and_the_fitted_function():
+    """The variance is A/G_ff + B |H|^2 with the A of the noise of the sensor; Welch's method of SciPy gives G_ff."""
+    force, response = shaker(np.random.default_rng(0), noise=(1e-2, 3e-2))
+    fit = fit_frf(frf_of(force, response, block=10.0), frequencies=FREQUENCIES)
+    lines, power = welch(force.values, RATE, nperseg=round(10.0 * RATE), detrend=False)
+    shapes = [1 / np.interp(fit.record.frequencies, lines, power), np.abs(fit.synthesised()[0, 0]) ** 2]
+    relative = np.column_stack(shapes) * fit.refinement.weights**2
+    factors = np.linalg.lstsq(relative, np.ones(len(relative)))[0]
+    np.testing.assert_allclose(relative @ factors, 1.0, rtol=1e-2)
+    assert shapes[0].max() > 50.0 * shapes[0].min() and (factors[1] * shapes[1] > 3.0 * factors[0] * shapes[0]).any()
+    white = 2 * (1e-2 * np.abs(response.values).max()) ** 2 / RATE  # spectral density of the noise
+    assert factors[0] == pytest.approx(white / fit.record.scatter.averages, rel=0.25)
 
 
 def test_leakage_remains_with_its_errors_if_removal_does_not_settle():

@@ -98,7 +98,7 @@ class ModalSum:
     def modal(self, frequencies: Array, ratios: Array) -> ComplexArray:
         """Return the columns of modes, (k, 2 m), or (bins, 2 m): those of a and b of each mode."""
         if self.window and self.window.leakage:
-            (upper, _), (lower, _) = self._smeared_resonances(frequencies, ratios)
+            (upper, lower), _ = self._smeared_resonances(frequencies, ratios)
             difference = (upper - lower) / (4j * np.pi * frequencies * np.sqrt(1 - ratios**2))
             pairs = np.stack([difference, (upper + lower) / 2 - 2 * np.pi * frequencies * ratios * difference], axis=2)
         else:
@@ -111,17 +111,13 @@ class ModalSum:
         iω, ω_k = self._iω, 2 * np.pi * frequencies
         return np.asarray(iω**self.derivatives / (ω_k**2 + iω**2 + 2 * ratios * ω_k * iω))
 
-    def _smeared_resonances(
-        self, frequencies: Array, ratios: Array
-    ) -> tuple[tuple[ComplexArray, ComplexArray], tuple[ComplexArray, ComplexArray]]:
-        """Return s_k^d R(i omega - s_k) and its derivative by s_k, (k, m) each, for the poles and their conjugates."""
+    def _smeared_resonances(self, frequencies: Array, ratios: Array) -> tuple[ComplexArray, ComplexArray]:
+        """Return s_k^d R(i omega - s_k) and its derivative by s_k, (2, k, m) each: poles, and their conjugates."""
         assert self.window is not None
-        pole, d = 2 * np.pi * frequencies * (-ratios + 1j * np.sqrt(1 - ratios**2)), self.derivatives
-        pairs = []
-        for s_k in (pole, pole.conj()):
-            value, slope = self.window.resonance(self._iω - s_k)
-            pairs.append((s_k**d * value, d * s_k ** (d - 1) * value - s_k**d * slope))
-        return pairs[0], pairs[1]
+        poles, d = 2 * np.pi * frequencies * (-ratios + 1j * np.sqrt(1 - ratios**2)), self.derivatives
+        s_k = np.array([poles, poles.conj()])[:, None]
+        value, slope = self.window.resonance(self._iω - s_k)
+        return s_k**d * value, d * s_k ** (d - 1) * value - s_k**d * slope
 
     def columns(self, frequencies: Array, ratios: Array) -> ComplexArray:
         """Return the columns of all coefficients, (k, 2 m + powers)."""
@@ -151,7 +147,7 @@ class ModalSum:
 
     def _smeared_slopes(self, frequencies: Array, ratios: Array, coefficients: Array) -> ComplexArray:
         """Return ``slopes`` under leakage, with A = b/2 + i (sigma b - a)/(2 omega_d) and s_k = -sigma + i omega_d."""
-        (upper, upper_slope), (lower, lower_slope) = self._smeared_resonances(frequencies, ratios)
+        (upper, lower), (upper_slope, lower_slope) = self._smeared_resonances(frequencies, ratios)
         a, b = (coefficient_rows.T for coefficient_rows in _pairs(coefficients, len(frequencies)))  # (F, m)
         ω_k, root = 2 * np.pi * frequencies, np.sqrt(1 - ratios**2)
         σ, ω_d = ω_k * ratios, ω_k * root

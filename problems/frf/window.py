@@ -34,9 +34,11 @@ import numpy as np
 
 from ancf_casadi.support.arrays import Array, ComplexArray
 
-Moments = tuple[ComplexArray, ComplexArray, ComplexArray, ComplexArray]
+SHIFTS = 2j * np.pi * np.array([0, -1, 1])  # of u in R
 SERIES_RADIUS = 0.02  # |u| below which E and L follow from their power series
-SERIES = [(-1.0) ** n / math.factorial(n + 1) for n in range(8)]  # of E; its terms from the second on are those of -u L
+E_SERIES = np.polynomial.Polynomial([(-1.0) ** n / math.factorial(n + 1) for n in range(8)])
+L_SERIES = np.polynomial.Polynomial(-E_SERIES.coef[1:])
+MOMENT_SERIES = E_SERIES, E_SERIES.deriv(), L_SERIES, L_SERIES.deriv()
 
 
 def hann_window(size: int) -> Array:
@@ -69,29 +71,22 @@ class BlockWindow:
 
     def resonance(self, z: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
         """Return R and its derivative by z."""
-        u, turn, duration = z * self.duration, 2j * np.pi, self.duration
-        (_, _, even, even_slope), lower, upper = _moments(u), _moments(u - turn), _moments(u + turn)
+        e, e_slope, l, l_slope = _moments(np.add.outer(SHIFTS, z * self.duration))
         value, slope = (
-            2 / 3 * centre + (lower[k + 2] + upper[k + 2]) / 6 + (lower[k] - upper[k]) / (2 * turn)
-            for k, centre in enumerate((even, even_slope))
+            2 / 3 * l_moment[0] + (l_moment[1] + l_moment[2]) / 6 + (e_moment[1] - e_moment[2]) / (4j * np.pi)
+            for e_moment, l_moment in ((e, l), (e_slope, l_slope))
         )
-        return duration * value, duration**2 * slope
+        return self.duration * value, self.duration**2 * slope
 
 
-def _moments(u: ComplexArray) -> Moments:
-    """Return E, its derivative, L and its derivative."""
-    is_small = np.abs(u) < SERIES_RADIUS
-    v: ComplexArray = np.where(is_small, 1.0, u).astype(complex)
-    e = np.asarray((1 - np.exp(-v)) / v)
-    e_slope = np.asarray((np.exp(-v) - e) / v)
-    even = np.asarray((1 - e) / v)
-    moments: Moments = e, e_slope, even, np.asarray(-(e_slope + even) / v)
-    if not is_small.any():
-        return moments
-    first, second = np.polynomial.Polynomial(SERIES), np.polynomial.Polynomial([-c for c in SERIES[1:]])
-    series = first, first.deriv(), second, second.deriv()
-    e, e_slope, even, even_slope = (
-        np.asarray(np.where(is_small, polynomial(u), moment))
-        for polynomial, moment in zip(series, moments, strict=True)
-    )
-    return e, e_slope, even, even_slope
+def _moments(u: ComplexArray) -> list[ComplexArray]:
+    """Return E, its derivative, L and its derivative; along the first axis, u differs by multiples of 2 pi i."""
+    is_small, decay = np.abs(u) < SERIES_RADIUS, np.exp(-u[0])
+    inverse = 1 / np.where(is_small, 1.0, u)
+    e = (1 - decay) * inverse
+    e_slope = (decay - e) * inverse
+    l = (1 - e) * inverse
+    moments = [e, e_slope, l, -(e_slope + l) * inverse]
+    for moment, series in zip(moments, MOMENT_SERIES, strict=True):
+        moment[is_small] = series(u[is_small])
+    return moments

@@ -15,14 +15,14 @@ samples in succession at its largest or smallest value, and few just below.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
 from ancf_casadi.estimation.solver.gauss_newton import robust_deviation
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.records.processing import has_flat_top
-from ancf_casadi.support.arrays import Array, Index
+from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.tables import plural
 
 PULSE_LEVEL, NOISE_LEVEL = 0.05, 8.0  # of a hit, relative to the largest force, and to the noise of the force
@@ -53,12 +53,12 @@ class Take:
 class Blocks:
     """Blocks of equal length, (blocks, 1 + outputs, n), and notes on those that are left out.
 
-    Under a shaker, ``begins`` (blocks,) are their first samples in the takes, joined end to end.
+    Under a shaker, ``places`` are the number of the take of each block, from 0, and its first sample in this take.
     """
 
     values: Array
     notes: tuple[str, ...]
-    begins: Index = field(default_factory=lambda: np.array([], dtype=np.int64))
+    places: tuple[tuple[int, int], ...] = ()
 
 
 @dataclass(frozen=True)
@@ -162,18 +162,18 @@ def shaker_blocks(takes: Sequence[Take], duration: float | None, overlap: float)
     if not LEAST_BLOCK <= size <= shortest:
         raise InputError(f"must have {LEAST_BLOCK} samples or more, and {shortest} of the record, got {size}", "block")
     stride = max(1, round(size * (1 - overlap)))
-    blocks, begins, overloads, count, offset = [], list[int](), list[str](), 0, 0
-    for take in takes:
+    blocks, places, overloads = [], list[tuple[int, int]](), list[str]()
+    for number, take in enumerate(takes):
         for begin in range(0, take.channels.shape[1] - size + 1, stride):
-            values, count = take.channels[:, begin : begin + size], count + 1
+            values = take.channels[:, begin : begin + size]
             if any(map(_has_clip, values)):
                 overloads.append(f"{take.begin + begin * take.step:.4g} s")
             else:
                 blocks.append(values)
-                begins.append(offset + begin)
-        offset += take.channels.shape[1]
+                places.append((number, begin))
     if not blocks:
         raise InputError("is clipped in all blocks; measure again with a larger range", "force or response")
     shown = ", ".join(overloads[:4]) + (", ..." if len(overloads) > 4 else "")
-    notes = [f"left out: overload in {len(overloads)} of {plural(count, 'block')}, from {shown}"] if overloads else []
-    return Blocks(np.array(blocks), tuple(notes), np.array(begins))
+    total = plural(len(blocks) + len(overloads), "block")
+    notes = [f"left out: overload in {len(overloads)} of {total}, from {shown}"] if overloads else []
+    return Blocks(np.array(blocks), tuple(notes), tuple(places))

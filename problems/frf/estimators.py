@@ -32,7 +32,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any, Literal, get_args
 
 import numpy as np
@@ -46,7 +46,6 @@ from ancf_casadi.response.linear_frf import FrfKind
 from ancf_casadi.support.arrays import Array, ComplexArray, Index
 from ancf_casadi.support.inputs import choice, error_prefix, instances, number, physical
 from problems.frf.blocks import LEAST_BLOCK, Take, hammer_blocks, shaker_blocks
-from problems.frf.leakage import leverage_factor
 from problems.frf.record import LEAST_LINES, SCATTER_LINES, BlockScatter, FrfRecord, least_std, moving_mean
 from problems.frf.window import BlockWindow, hann_window
 
@@ -63,6 +62,8 @@ LEAST_POWER = 0.01  # of the force, relative to its highest: the end of the usab
 LARGEST_FREQUENCY = 0.8  # relative to half the sampling rate, beyond which a filter against aliasing acts
 POWER_LINES = 5  # lines on either side over which the power of the force is averaged
 RANDOM_SHARE, REST_SHARE = 0.5, 0.01  # mean squares of a random force and of a response at rest, relative to all
+NOISE_LINES = 2  # lines on either side over which the noise under a Hann window is averaged
+LARGEST_SHARE = 0.9  # of a block in the power of all
 FEWEST_AVERAGES = 6.0  # independent blocks that state the errors of a fit
 TIME_CONSTANTS = 4.0  # of an exponential window, after which a block ends
 SAME_TIME = 0.1  # largest difference of the times of force and response, in steps
@@ -156,25 +157,24 @@ def frf_of(
     if rate and block is None:
         blocks = replace(blocks, values=blocks.values[:, :, : max(LEAST_BLOCK, round(TIME_CONSTANTS / rate / step))])
     size = blocks.values.shape[2]
-    samples = np.arange(size)
-    weights = hann_window(size) if is_hann else np.exp(-rate * step * samples)
+    weights = hann_window(size) if is_hann else np.exp(-rate * step * np.arange(size))
     averages = len(blocks.values) if is_hammer else _independent_blocks(weights, len(blocks.values), overlap)
-    estimate = _estimate(np.fft.rfft(weights * blocks.values), estimator)
-    scatter, std = None, estimate.hammer_std(averages) if is_hammer else None
-    if not is_hammer and estimate.deviations is not None:
-        scatter = BlockScatter(estimate.deviations, averages, tuple(takes), blocks.begins)
-        std = scatter.std(estimate.values)
+    spectra = np.fft.rfft(weights * blocks.values)
+    lines = _usable_lines(np.mean(np.abs(spectra[:, 0]) ** 2, axis=0))
+    values, coherence, deviations = _estimate(spectra[:, :1, lines], spectra[:, 1:, lines], estimator)
+    scatter = BlockScatter(deviations, averages, tuple(takes), blocks.places)
+    is_repeated = len(spectra) > 1
     with error_prefix("force and response"):
         return FrfRecord(
-            estimate.lines / (size * step),
-            estimate.values,
+            lines / (size * step),
+            values,
             _kind(responses[0]) if kind is None else kind,
-            coherence=estimate.coherence,
-            std=std,
+            coherence=coherence if is_repeated else None,
+            std=_standard_deviations(values, scatter, is_hammer=is_hammer) if is_repeated else None,
             points=points,
             notes=(*blocks.notes, *_leakage_notes(blocks.values, is_free=is_hammer or is_hann)),
             window=BlockWindow(size * step, rate, is_hann, estimator),
-            scatter=scatter if averages >= FEWEST_AVERAGES else None,
+            scatter=None if is_hammer or averages < FEWEST_AVERAGES else scatter,
         )
 
 
@@ -251,48 +251,50 @@ def _usable_lines(power: Array) -> Index:
     smooth[[0, *range(int(LARGEST_FREQUENCY * len(power)), len(power))]] = 0.0
     is_weak, peak = smooth <= least_power, int(np.argmax(smooth))
     first = int(np.flatnonzero(is_weak[: peak + 1])[-1]) + 1
-    return np.arange(first, peak + int(np.argmax(np.append(is_weak[peak:], True))))
-
-
-@dataclass(frozen=True, eq=False)
-class Estimate:
-    """Numbers of the usable lines, values and coherence (outputs, lines), and deviations of the blocks from the values.
-
-    With one block, there are neither coherence nor deviations (blocks, outputs, lines).
-    """
-
-    lines: Index
-    values: ComplexArray
-    coherence: Array | None = None
-    deviations: ComplexArray | None = None
-
-    def hammer_std(self, averages: float) -> Array | None:
-        """Return standard deviations (outputs, lines) of the errors under a hammer that differ line by line."""
-        if self.deviations is None:
-            return None
-        deviations = np.pad(np.diff(self.deviations, 2), ((0, 0), (0, 0), (1, 1)), mode="edge") / math.sqrt(6)
-        variance = np.mean(np.abs(deviations) ** 2, axis=0) / (averages - 1)
-        chi_square_median = chdtri(2 * averages - 2, 0.5) / (2 * averages - 2)
-        variance = median_filter(variance, (1, 2 * SCATTER_LINES + 1)) / chi_square_median
-        return np.asarray(np.maximum(np.sqrt(variance), least_std(self.values)))
-
-
-def _estimate(spectra: ComplexArray, estimator: Estimator) -> Estimate:
-    """Return the functions that spectra of blocks (blocks, 1 + outputs, lines) give."""
-    force_power = np.mean(np.abs(spectra[:, 0]) ** 2, axis=0)
-    lines = _usable_lines(force_power)
-    if len(lines) < LEAST_LINES:
+    end = peak + int(np.argmax(np.append(is_weak[peak:], True)))
+    if end - first < LEAST_LINES:
         raise InputError("is too short for eight lines with a force below 0.8 times half the sampling rate", "block")
-    force, responses, force_power = spectra[:, :1, lines], spectra[:, 1:, lines], force_power[lines]
-    cross = np.mean(force.conj() * responses, axis=0)
-    response_power = np.mean(np.abs(responses) ** 2, axis=0)
-    coherence = np.clip(np.abs(cross) ** 2 / (force_power * response_power), 0.0, 1.0)
-    first = cross / force_power
-    values = np.asarray(first * {"H1": 1.0, "H2": 1 / coherence, "Hv": coherence**-0.5}[estimator])
-    if len(spectra) < 2:
-        return Estimate(lines, values)
-    by_force = force.conj() * (responses - first * force) / cross
-    by_response = responses.conj() * (responses - first / coherence * force) / response_power
-    by_force, by_response = by_force * leverage_factor(force), by_response * leverage_factor(responses)
+    return np.arange(first, end)
+
+
+def _estimate(
+    force: ComplexArray, responses: ComplexArray, estimator: Estimator
+) -> tuple[ComplexArray, Array, ComplexArray]:
+    """Return the functions and their coherence (outputs, lines), and the deviations of the blocks from the functions.
+
+    The spectra of the force are (blocks, 1, lines), those of the responses (blocks, outputs, lines).  H2 is the inverse
+    of the H1 with each response as input and the force as output.
+    """
+    h1, h1_deviations = h1_functions(force, responses)
+    inverse_h2, inverse_deviations = h1_functions(responses, force)
+    coherence = np.clip((h1 * inverse_h2).real, 0.0, 1.0)
+    values = h1 * coherence ** {"H1": 0.0, "H2": -1.0, "Hv": -0.5}[estimator]
+    by_force, by_response = h1_deviations / h1, -inverse_deviations / inverse_h2
     relative = {"H1": by_force, "H2": by_response, "Hv": (by_force + by_response) / 2}[estimator]
-    return Estimate(lines, values, coherence, np.asarray(values * relative))
+    return values, coherence, values * relative
+
+
+def h1_functions(inputs: ComplexArray, outputs: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
+    """Return H1 from spectra of blocks, (blocks, ..., lines), and the deviations of the blocks from it, to first order.
+
+    A block with the share h of the power of the input, to which H1 is closer, has residuals of variance 1 - h instead
+    of 1 - 1/K; its deviations are those of blocks with equal shares.
+    """
+    power = np.abs(inputs) ** 2
+    share = np.minimum(power / power.sum(axis=0), LARGEST_SHARE)
+    values = np.mean(inputs.conj() * outputs, axis=0) / power.mean(axis=0)
+    deviations = inputs.conj() * (outputs - values * inputs) / power.mean(axis=0)
+    return values, deviations * np.sqrt((1 - 1 / len(power)) / (1 - share))
+
+
+def _standard_deviations(values: ComplexArray, scatter: BlockScatter, *, is_hammer: bool) -> Array:
+    """Return standard deviations of functions (outputs, lines); under a hammer, of errors that differ line by line."""
+    if is_hammer:
+        differences = scatter.map(
+            lambda deviations: np.pad(np.diff(deviations, 2), ((0, 0), (0, 0), (1, 1)), mode="edge") / math.sqrt(6)
+        )
+        freedom = 2 * scatter.averages - 2
+        variance = median_filter(differences.variance, (1, 2 * SCATTER_LINES + 1)) * freedom / chdtri(freedom, 0.5)
+    else:
+        variance = moving_mean(scatter.variance, NOISE_LINES)
+    return np.asarray(np.maximum(np.sqrt(variance), least_std(values)))

@@ -24,14 +24,15 @@ from dataclasses import replace
 import numpy as np
 
 from ancf_casadi.estimation.noise.proportional import proportional_variance
-from ancf_casadi.support.arrays import Array, ComplexArray
+from ancf_casadi.support.arrays import Array
+from ancf_casadi.support.tall import tall_times, tall_triangle
 from problems.frf.blocks import Take
+from problems.frf.estimators import h1_functions
 from problems.frf.modal_sum import TrialFit, quick_fit
 from problems.frf.record import BlockScatter, FrfRecord, least_std
 from problems.frf.refinement import stated_deviations
 from problems.frf.window import BlockWindow, hann_window
 
-LARGEST_SHARE = 0.9  # of a block in the power of all
 MOST_REMOVALS, SAME_MODES = 15, 1e-5  # rounds, and changes of poles, relative to their half-power half-widths
 
 
@@ -55,22 +56,19 @@ def remove_leakage(record: FrfRecord, trial: TrialFit) -> tuple[FrfRecord, Trial
 
 def _without_leakage(record: FrfRecord, scatter: BlockScatter, window: BlockWindow, trial: TrialFit) -> FrfRecord:
     """Return a record without the leakage of the modes of a fit."""
-    vibration = np.concatenate([_vibration(take, trial) for take in scatter.takes], axis=1)
     size = round(window.duration / scatter.takes[0].step)
     lines = np.rint(record.frequencies * window.duration).astype(int)
-    blocks = vibration[:, np.asarray(scatter.begins)[:, None] + np.arange(size)].swapaxes(0, 1)
+    vibrations = [_vibration(take, trial) for take in scatter.takes]
+    blocks = np.array([vibrations[number][:, begin : begin + size] for number, begin in scatter.places])
     spectra = np.fft.rfft(hann_window(size) * blocks)[:, :, lines]
-    force, responses = spectra[:, :1], spectra[:, 1:]
-    power = np.mean(np.abs(force) ** 2, axis=0)
-    functions = np.mean(force.conj() * responses, axis=0) / power
-    deviations = force.conj() * (responses - functions * force) / power * leverage_factor(force)
+    functions, deviations = h1_functions(spectra[:, :1], spectra[:, 1:])
     noise = BlockScatter(scatter.deviations - deviations, scatter.averages)
-    leakage = functions - _modal_functions(trial, record.frequencies, window).T
-    values = record.values - leakage[:, None]
-    variances = [
-        proportional_variance(row * power[0], amplitude**2 * power[0]) / power[0]
-        for row, amplitude in zip(noise.variance, np.abs(trial.fitted.T), strict=True)
-    ]
+    terms = 2 * len(trial.frequencies)  # of the modes; residual terms follow
+    mean_functions = tall_times(trial.columns[:, :terms], trial.coefficients[:terms]).T
+    values = record.values - (functions - mean_functions)[:, None]
+    force_power = np.mean(np.abs(spectra[:, 0]) ** 2, axis=0)
+    scaled = noise.variance * force_power, np.abs(trial.fitted.T) ** 2 * force_power
+    variances = np.array([*map(proportional_variance, *scaled)]) / force_power
     std = np.maximum(np.sqrt(variances), least_std(values[:, 0]))
     return replace(record, values=values, std=std, scatter=noise)
 
@@ -78,27 +76,13 @@ def _without_leakage(record: FrfRecord, scatter: BlockScatter, window: BlockWind
 def _vibration(take: Take, trial: TrialFit) -> Array:
     """Return the force of a take and the response of the modes of a fit to it, (1 + outputs, n)."""
     force, count = take.channels[:1], take.channels.shape[1]
-    functions = _modal_functions(trial, np.arange(count // 2 + 1) / (count * take.step), None)
+    f, ζ, terms = trial.frequencies, trial.ratios, 2 * len(trial.frequencies)
+    model = replace(trial.model, frequencies=np.arange(count // 2 + 1) / (count * take.step), window=None)
+    functions = tall_times(model.modal(f, ζ), trial.coefficients[:terms])
     forced = np.fft.irfft(functions.T * np.fft.rfft(force), count)
-    poles = 2 * np.pi * trial.frequencies * (-trial.ratios + 1j * np.sqrt(1 - trial.ratios**2))
+    poles = 2 * np.pi * f * (-ζ + 1j * np.sqrt(1 - ζ**2))
     decays = np.exp(np.outer(take.step * np.arange(count), poles))
     free = np.hstack([decays.real, decays.imag])
-    amplitudes = np.linalg.lstsq(free, (take.channels[1:] - forced).T)[0]
-    return np.vstack([force, forced + (free @ amplitudes).T])
-
-
-def _modal_functions(trial: TrialFit, frequencies: Array, window: BlockWindow | None) -> ComplexArray:
-    """Return the functions (k, F) of the modes of a fit without residual terms, at frequencies, Hz, under a window."""
-    model = replace(trial.model, frequencies=frequencies, starts=None, window=window)
-    return model.modal(trial.frequencies, trial.ratios) @ trial.coefficients[: 2 * len(trial.frequencies)]
-
-
-def leverage_factor(spectra: ComplexArray) -> Array:
-    """Return the factor of the deviations of blocks that share a mean unequally, 1 if their spectra are equally large.
-
-    A block with the share h of the power, to which the mean is closer, has residuals of variance 1 - h instead of
-    1 - 1/K.
-    """
-    power = np.abs(spectra) ** 2
-    share = np.minimum(power / power.sum(axis=0), LARGEST_SHARE)
-    return np.asarray(np.sqrt((1 - 1 / len(spectra)) / (1 - share)))
+    triangle = tall_triangle(np.hstack([free, (take.channels[1:] - forced).T]))
+    amplitudes = np.array(np.linalg.lstsq(triangle[:terms, :terms], triangle[:terms, terms:])[0], dtype=float)
+    return np.vstack([force, forced + tall_times(free, amplitudes).T])

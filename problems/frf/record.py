@@ -21,7 +21,7 @@ from ancf_casadi.records.layout import NO_LAYOUT, TableLayout
 from ancf_casadi.records.over_frequency import SpectralFunction, extract_functions, read_spectral
 from ancf_casadi.records.units import known_unit
 from ancf_casadi.response.linear_frf import FRF_UNITS, FrfKind
-from ancf_casadi.support.arrays import Array, ComplexArray, Index
+from ancf_casadi.support.arrays import Array, ComplexArray
 from ancf_casadi.support.inputs import (
     array,
     check_instance,
@@ -43,7 +43,6 @@ KINDS_OF_UNITS: dict[tuple[str, str], FrfKind] = {
     ("velocity", "force"): "mobility",
     ("acceleration", "force"): "accelerance",
 }
-NOISE_LINES = 2  # lines on either side over which the noise under a Hann window is averaged
 LEAST_STD = 1e-6  # relative to the median of a function
 QUOTIENT = ("transmissibility", "relative-transmissibility")
 
@@ -52,23 +51,18 @@ QUOTIENT = ("transmissibility", "relative-transmissibility")
 class BlockScatter:
     """Deviations of blocks from the mean functions, (blocks, functions, k), and the number of independent blocks.
 
-    The takes, and the first samples of the blocks in them, (blocks,), allow a fit to remove leakage.
+    The takes, and the places of the blocks in them (``Blocks``), allow a fit to remove leakage.
     """
 
     deviations: ComplexArray
     averages: float
     takes: tuple[Take, ...] = ()
-    begins: Index | None = None
+    places: tuple[tuple[int, int], ...] = ()
 
     @property
     def variance(self) -> Array:
         """Variances of the mean functions (functions, k)."""
         return np.asarray(np.mean(np.abs(self.deviations) ** 2, axis=0) / (self.averages - 1))
-
-    def std(self, values: ComplexArray) -> Array:
-        """Return standard deviations of the mean functions (functions, k), averaged over neighbouring lines."""
-        smooth = np.array([moving_mean(row, NOISE_LINES) for row in self.variance])
-        return np.asarray(np.maximum(np.sqrt(smooth), least_std(values)))
 
     def map(self, change: Callable[[ComplexArray], ComplexArray]) -> BlockScatter:
         """Return the scatter of functions that a linear change gives."""
@@ -294,7 +288,7 @@ class FrfRecord(Displayed):
         _check_alike(runs, slice(None), "shape")
         values = np.array([run.values for run in runs])
         variance = (np.abs(values - values.mean(axis=0)) ** 2).sum(axis=0) / (len(runs) - 1) / len(runs)
-        smooth = np.apply_along_axis(moving_mean, 2, variance, SCATTER_LINES)
+        smooth = moving_mean(variance, SCATTER_LINES)
         if not (smooth > 0.0).all():
             raise InputError("are equal, so their scatter is zero; give one of them", "records")
         return cls(
@@ -402,17 +396,17 @@ def _limit_coherence(coherence: Array) -> tuple[Array, list[str]]:
     return np.clip(np.nan_to_num(coherence), 0.0, 1.0), notes
 
 
-def least_std(values: ComplexArray) -> Array:
-    """Return the least standard deviation of functions (functions, k) to assume, (functions, 1)."""
-    return np.asarray(LEAST_STD * np.median(np.abs(values), axis=1, keepdims=True))
+def least_std(values: Array | ComplexArray, axis: int = -1) -> Array:
+    """Return the least standard deviation to assume for each function; the axis of the lines has the length 1."""
+    return np.asarray(LEAST_STD * np.median(np.abs(values), axis=axis, keepdims=True))
 
 
 def moving_mean(values: Array, half: int) -> Array:
-    """Return the means over the neighbours on either side, fewer at the ends."""
-    sums = np.concatenate([[0.0], np.cumsum(values)])
-    k = np.arange(len(values))
-    low, high = np.maximum(k - half, 0), np.minimum(k + half + 1, len(values))
-    return np.asarray((sums[high] - sums[low]) / (high - low))
+    """Return the means over the neighbours on either side along the last axis, fewer at the ends."""
+    sums = np.concatenate([np.zeros_like(values[..., :1]), np.cumsum(values, axis=-1)], axis=-1)
+    k = np.arange(values.shape[-1])
+    low, high = np.maximum(k - half, 0), np.minimum(k + half + 1, len(k))
+    return np.asarray((sums[..., high] - sums[..., low]) / (high - low))
 
 
 def convert_to_si(

@@ -64,11 +64,10 @@ from ancf_casadi.support.callbacks import Differentiable, callback_function
 from ancf_casadi.support.tall import tall_qr
 from problems.decay.limitations import IMPRECISE, MAX_ORDER
 from problems.frf.modal_sum import LARGEST_RATIO, RESIDUAL_POWERS, TrialFit, stack_parts
-from problems.frf.record import BlockScatter, FrfRecord, moving_mean
+from problems.frf.record import BlockScatter, FrfRecord, least_std, moving_mean
 from problems.frf.window import BlockWindow
 
 FRF_ADVICE = "give approximate frequencies, ask for fewer modes, or choose a band"
-LEAST_STD = 1e-6  # standard deviation, relative to the median of the function
 LEAST_REMAINDER = 0.05  # least 1 - h
 SIGNIFICANT_SHARE = 8.0  # least squared size of alpha and beta, in their standard errors; 1 in 3000 by chance
 FEWEST_LINES = 3.0  # least number of lines in the half-power bandwidth
@@ -271,8 +270,7 @@ def stated_deviations(record: FrfRecord) -> Array:
         return first_deviations(record.columns)
     coherence = np.clip(record.coherence, 1e-6, 1.0)
     variance = np.abs(record.values) ** 2 * (1 - coherence) / coherence
-    rows = variance.reshape(-1, len(record.frequencies))
-    smooth = np.sqrt(np.array([moving_mean(row, COHERENCE_LINES) for row in rows]).T)
+    smooth = np.sqrt(moving_mean(variance, COHERENCE_LINES)).reshape(-1, len(record.frequencies)).T
     floor = np.median(smooth, axis=0)
     return np.asarray(np.maximum(smooth, 1e-3 * np.where(floor > 0.0, floor, 1.0)))
 
@@ -281,18 +279,15 @@ def first_deviations(values: ComplexArray) -> Array:
     """Return standard deviations (k, F) for the first fit, one per function, from its second differences."""
     differences = np.abs(np.diff(values, n=2, axis=0)) ** 2
     variance = np.median(differences, axis=0) / (6 * math.log(2))
-    level = np.sqrt(np.maximum(variance, (LEAST_STD * np.median(np.abs(values), axis=0)) ** 2))
+    level = np.maximum(np.sqrt(variance), least_std(values, axis=0))
     return np.tile(np.maximum(level, np.finfo(float).tiny), (len(values), 1))
 
 
 def fitted_deviations(residuals: ComplexArray, amplitude: Array, leverage: Array) -> Array:
     """Return the standard deviations that residuals, absolute values and leverage of a fit show, all (k, F)."""
     squares = np.abs(residuals) ** 2 / np.maximum(1 - leverage, LEAST_REMAINDER)
-    floor = (LEAST_STD * np.median(amplitude, axis=0)) ** 2
-    variance = np.column_stack(
-        [proportional_variance(*columns) for columns in zip(squares.T, amplitude.T**2, strict=True)]
-    )
-    floor = np.maximum(floor, np.finfo(float).tiny)
+    floor = np.maximum(least_std(amplitude, axis=0) ** 2, np.finfo(float).tiny)
+    variance = np.column_stack([*map(proportional_variance, squares.T, amplitude.T**2)])
     variance = np.maximum(variance, floor)
     variance = variance * _slow_factor(np.mean(squares / variance, axis=1))[:, None]
     return np.sqrt(np.maximum(variance, floor))

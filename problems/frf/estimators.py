@@ -46,18 +46,12 @@ from ancf_casadi.response.linear_frf import FrfKind
 from ancf_casadi.support.arrays import Array, ComplexArray, Index
 from ancf_casadi.support.inputs import choice, error_prefix, instances, number, physical
 from problems.frf.blocks import LEAST_BLOCK, Take, hammer_blocks, shaker_blocks
-from problems.frf.record import LEAST_LINES, SCATTER_LINES, BlockScatter, FrfRecord, least_std, moving_mean
+from problems.frf.record import KINDS, LEAST_LINES, SCATTER_LINES, BlockScatter, FrfRecord, least_std, moving_mean
 from problems.frf.window import BlockWindow, hann_window
 
 Estimator = Literal["H1", "H2", "Hv"]
 Excitation = Literal["auto", "hammer", "shaker"]
 Window = Literal["hann", "none"]
-KINDS: dict[str, FrfKind] = {
-    "displacement": "receptance",
-    "position": "receptance",
-    "velocity": "mobility",
-    "acceleration": "accelerance",
-}
 LEAST_POWER = 0.01  # of the force, relative to its highest: the end of the usable band
 LARGEST_FREQUENCY = 0.8  # relative to half the sampling rate, beyond which a filter against aliasing acts
 POWER_LINES = 5  # lines on either side over which the power of the force is averaged

@@ -38,10 +38,12 @@ from problems.frf.window import BlockWindow
 
 LEAST_LINES = 8
 SCATTER_LINES = 12  # lines on either side over which the scatter of repeated measurements is averaged
-KINDS_OF_UNITS: dict[tuple[str, str], FrfKind] = {
-    ("length", "force"): "receptance",
-    ("velocity", "force"): "mobility",
-    ("acceleration", "force"): "accelerance",
+KINDS: dict[str, FrfKind] = {  # by the quantity of a response to a force, or that of its unit
+    "displacement": "receptance",
+    "position": "receptance",
+    "length": "receptance",
+    "velocity": "mobility",
+    "acceleration": "accelerance",
 }
 LEAST_STD = 1e-6  # relative to the median of a function
 QUOTIENT = ("transmissibility", "relative-transmissibility")
@@ -291,15 +293,7 @@ class FrfRecord(Displayed):
         smooth = moving_mean(variance, SCATTER_LINES)
         if not (smooth > 0.0).all():
             raise InputError("are equal, so their scatter is zero; give one of them", "records")
-        return cls(
-            first.frequencies,
-            values.mean(axis=0),
-            first.kind,
-            std=np.sqrt(smooth),
-            points=first.points,
-            notes=first.notes,
-            window=first.window,
-        )
+        return replace(first, values=values.mean(axis=0), coherence=None, std=np.sqrt(smooth), scatter=None)
 
     @classmethod
     def stacked(cls, records: Sequence[FrfRecord]) -> FrfRecord:
@@ -323,11 +317,9 @@ class FrfRecord(Displayed):
         first = stack[0]
         _check_alike(stack, slice(1, None), "inputs")
         quality: dict[str, Any] = {}
-        for name in ("values", "coherence", "std"):
+        for name in ("values", "coherence", "std", "points"):
             arrays = [getattr(record, name) for record in stack]
             quality[name] = None if any(a is None for a in arrays) else np.concatenate(arrays)
-        points = [record.points for record in stack]
-        quality["points"] = None if any(p is None for p in points) else [s for p in points if p for s in p]
         notes = dict.fromkeys(note for record in stack for note in record.notes)
         return replace(first, scatter=None, notes=tuple(notes), **quality)
 
@@ -356,17 +348,12 @@ class FrfRecord(Displayed):
         inside = (self.frequencies >= low) & (self.frequencies <= high)
         if np.count_nonzero(inside) < LEAST_LINES:
             raise InputError(f"has fewer than {LEAST_LINES} frequencies of the record", "band")
-        quality: dict[str, Any] = {
-            name: None if getattr(self, name) is None else getattr(self, name)[:, :, inside]
-            for name in ("coherence", "std")
-        }
-        return replace(
-            self,
-            frequencies=self.frequencies[inside],
-            values=self.values[:, :, inside],
-            scatter=self.scatter and self.scatter.map(lambda deviations: deviations[:, :, inside]),
-            **quality,
-        )
+        lines: dict[str, Any] = {"frequencies": self.frequencies[inside]}
+        for name in ("values", "coherence", "std"):
+            if getattr(self, name) is not None:
+                lines[name] = getattr(self, name)[:, :, inside]
+        scatter = self.scatter and self.scatter.map(lambda deviations: deviations[:, :, inside])
+        return replace(self, scatter=scatter, **lines)
 
     def names(self) -> list[str]:
         """Return a name of each function, output after output."""
@@ -444,7 +431,7 @@ def frf_unit(text: str, where: str) -> tuple[FrfKind, float]:
             above, below = (known_unit(side.strip().strip("()[]"), "") for side in (text[:place], text[place + 1 :]))
         except InputError:
             continue
-        kind = KINDS_OF_UNITS.get((above.quantity, below.quantity))
+        kind = KINDS.get(above.quantity) if below.quantity == "force" else None
         if kind or above.quantity == below.quantity:
             return kind or "transmissibility", above.factor / below.factor
     raise InputError(f"the unit {shown(text)} is none of such a function; give it with --unit, as mm/N or g/N", where)

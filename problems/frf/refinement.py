@@ -48,7 +48,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import Any
 
 import casadi as cs
 import numpy as np
@@ -91,15 +90,11 @@ def refine(start: TrialFit) -> tuple[TrialFit, Fit]:
         trial = start.with_modes(x)
         return trial.weighted_residuals, trial.jacobian
 
-    k, count = start.values.shape
-    residuals = callback_function(Differentiable(project_residuals, 2 * k * count, len(unknowns)), "projected")
-    settings: dict[str, Any] = {
-        "closed_form": False,
-        "series": [k] * (2 * count),
-        "times": np.tile(start.model.frequencies, 2 * count),
-        "advice": FRF_ADVICE,
-    }
-    fit = least_squares(lambda *x: residuals(cs.vertcat(*x)), unknowns, **settings)
+    residuals = callback_function(Differentiable(project_residuals, 2 * start.values.size, len(unknowns)), "projected")
+    series, times = start.series
+    fit = least_squares(
+        lambda *x: residuals(cs.vertcat(*x)), unknowns, closed_form=False, series=series, times=times, advice=FRF_ADVICE
+    )
     return start.with_modes(fit.values), fit
 
 

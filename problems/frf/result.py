@@ -148,15 +148,15 @@ class FrfFit(LeastSquaresResult):
         errors = list(self.standard_errors.values())[::2]
         std = tuple(errors) if np.isfinite(errors).all() and np.min(errors) > 0.0 else None
         points = self.record.points
+        without_shapes = MeasuredModes(tuple(self.frequencies.tolist()), frequency_std=std)
         if points is None or len(points) < 2 or std is None:
-            return MeasuredModes(tuple(self.frequencies.tolist()), frequency_std=std)
+            return without_shapes
         inputs = np.abs(self.constants).max(axis=1).argmax(axis=1)
         modes = np.arange(len(inputs))  # the input of each mode with the largest constant
         sizes = np.abs(self.constants[modes, :, inputs]).max(axis=1)
         shape_std = self.constant_errors[modes, :, inputs].real / sizes[:, None]
-        return MeasuredModes(
-            tuple(self.frequencies.tolist()),
-            frequency_std=std,
+        return replace(
+            without_shapes,
             points=tuple(points),
             shapes=tuple(map(tuple, self.shapes.real.tolist())),
             shape_std=tuple(map(tuple, shape_std.tolist())),

@@ -194,8 +194,7 @@ def _join(force: Measurement, responses: Sequence[Measurement]) -> Take:
     with error_prefix(force.name or "force"):
         step = sampling_step(force.time)
     for record in responses:
-        same = len(record.time) == len(force.time)
-        if not same or np.abs(record.time - force.time).max() > SAME_TIME * step:
+        if len(record.time) != len(force.time) or np.abs(record.time - force.time).max() > SAME_TIME * step:
             raise InputError("has other times than the force; record both together", record.name or "response")
     channels = np.array([record.values - record.values.mean() for record in (force, *responses)])
     if not channels.any(axis=1).all():

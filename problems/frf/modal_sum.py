@@ -50,9 +50,8 @@ from ancf_casadi.support.progress import count_step
 from ancf_casadi.support.tall import inner, tall_qr, tall_times, tall_triangle
 from problems.frf.window import BlockWindow
 
-RESIDUAL_POWERS = tuple(
-    tuple(range(-size, size)) for size in (2, 4, 6)
-)  # of i omega: few, more and many residual terms
+# Powers p of i omega in few, more and many residual terms.
+RESIDUAL_POWERS = tuple(tuple(range(-size, size)) for size in (2, 4, 6))
 LARGEST_RATIO = 0.999
 LEAST_SCALE = 1e-4  # damping ratio that sets the scale of nearly undamped modes
 SOLVER_TOLERANCE = 1e-9
@@ -236,9 +235,8 @@ class TrialFit:
 
     def at(self, frequencies: Array) -> ComplexArray:
         """Return the fitted functions (k, F) at other frequencies, Hz."""
-        return replace(self.model, frequencies=frequencies, starts=None).columns(self.frequencies, self.ratios) @ (
-            self.coefficients
-        )
+        model = replace(self.model, frequencies=frequencies, starts=None)
+        return model.columns(self.frequencies, self.ratios) @ self.coefficients
 
     @property
     def residuals(self) -> ComplexArray:

@@ -31,14 +31,16 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
+from numpy.polynomial.polynomial import polyval
+from scipy.special import factorial
 
 from ancf_casadi.support.arrays import Array, ComplexArray
 
 SHIFTS = 2j * np.pi * np.array([0, -1, 1])  # of u in R
 SERIES_RADIUS = 0.02  # |u| below which E and L follow from their power series
-E_SERIES = np.polynomial.Polynomial([(-1.0) ** n / math.factorial(n + 1) for n in range(8)])
-L_SERIES = np.polynomial.Polynomial(-E_SERIES.coef[1:])
-MOMENT_SERIES = E_SERIES, E_SERIES.deriv(), L_SERIES, L_SERIES.deriv()
+ORDERS = np.arange(1, 9)
+E_SERIES = (-1.0) ** np.arange(10) / factorial(np.arange(1, 11))  # coefficients of E, which give those of E', L and L'
+MOMENT_SERIES = np.array([E_SERIES[:8], ORDERS * E_SERIES[1:9], -E_SERIES[1:9], -ORDERS * E_SERIES[2:]]).T
 
 
 def hann_window(size: int) -> Array:
@@ -71,22 +73,20 @@ class BlockWindow:
 
     def resonance(self, z: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
         """Return R and its derivative by z."""
-        e, e_slope, l, l_slope = _moments(np.add.outer(SHIFTS, z * self.duration))
+        moments = _moments(np.add.outer(SHIFTS, z * self.duration))
         value, slope = (
-            2 / 3 * l_moment[0] + (l_moment[1] + l_moment[2]) / 6 + (e_moment[1] - e_moment[2]) / (4j * np.pi)
-            for e_moment, l_moment in ((e, l), (e_slope, l_slope))
+            2 / 3 * l[0] + (l[1] + l[2]) / 6 + (e[1] - e[2]) / (4j * np.pi) for e, l in (moments[::2], moments[1::2])
         )
         return self.duration * value, self.duration**2 * slope
 
 
-def _moments(u: ComplexArray) -> list[ComplexArray]:
+def _moments(u: ComplexArray) -> ComplexArray:
     """Return E, its derivative, L and its derivative; along the first axis, u differs by multiples of 2 pi i."""
     is_small, decay = np.abs(u) < SERIES_RADIUS, np.exp(-u[0])
     inverse = 1 / np.where(is_small, 1.0, u)
     e = (1 - decay) * inverse
     e_slope = (decay - e) * inverse
     l = (1 - e) * inverse
-    moments = [e, e_slope, l, -(e_slope + l) * inverse]
-    for moment, series in zip(moments, MOMENT_SERIES, strict=True):
-        moment[is_small] = series(u[is_small])
+    moments = np.array([e, e_slope, l, -(e_slope + l) * inverse])
+    moments[:, is_small] = polyval(u[is_small], MOMENT_SERIES)
     return moments

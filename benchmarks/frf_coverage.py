@@ -1,6 +1,6 @@
 """Coverage of modes from force and response over time, under a hammer and a shaker, with noise on both channels.
 
-python -m benchmarks.frf_coverage --runs 200
+python -m benchmarks.frf_coverage --runs 400
 
 Prints the share of 95 % intervals that hold the truth, and the mean and standard deviation of the standardised errors,
 for frequency and damping ratio of two modes; ``docs/how_to/frequency_response_functions.md`` states the result.

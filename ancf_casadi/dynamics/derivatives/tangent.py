@@ -151,20 +151,31 @@ def sample_motion(
     maps: tuple[Array, Array], passages: Sequence[Passage], weights: Array, times: Array, before_start: Index
 ) -> Array:
     """Return the samples at ``times`` (k,) and their time derivatives, (k, orders, rows)."""
-    (of_free, of_base), first = maps, passages[0]
+    (of_free, of_base), begin = maps, passages[0].excitation.begin
     result = np.zeros((*weights.shape[:2], len(of_free)))
-    result[before_start, 0] = of_free @ first.steps.q[0] + of_base @ first.excitation.at(first.excitation.begin)[:NODE]
+    node = passages[0].excitation.at(begin)[:NODE]
+    result[before_start, 0] = of_free @ passages[0].steps.q[0] + of_base @ node
     for passage in passages:
         inside, owner = passage.owned
         used, owner = np.unique(owner, return_inverse=True)
-        steps, h = passage.steps, passage.steps.lengths[used, None]
-        q, v, a, increments = (values[used] for values in (steps.q, steps.v, steps.a, steps.increments))
-        V = np.matmul(RADAU.inverse, increments) / h[..., None]
-        last = q + increments[:, -1], V[:, -1], np.tensordot(V - v[:, None], RADAU.inverse[-1], (1, 0)) / h
-        ends = np.stack([q, v, a, *last], axis=1) @ of_free.T
+        steps = passage.steps
+        first = np.stack([steps.q[used], steps.v[used], steps.a[used]], axis=1)
+        last = end_maps(steps.lengths[used]) @ np.concatenate([first[:, :2], steps.increments[used]], axis=1)
+        ends = np.concatenate([first, last], axis=1) @ of_free.T
         base = passage.excitation.derivatives(times[inside]).reshape(inside.size, -1, NODE)[:, : weights.shape[1]]
         result[inside] = weights[inside] @ ends[owner] + base @ of_base.T
     return result
+
+
+def end_maps(lengths: Array) -> Array:
+    """Return the maps (s, 3, 5) from q, v and the three increments of steps to q, v and a at their ends."""
+    last, h = RADAU.inverse[-1], lengths[:, None]
+    maps = np.zeros((lengths.size, 3, 2 + STAGES))
+    maps[:, 0, [0, -1]] = 1.0
+    maps[:, 1, 2:] = last / h
+    maps[:, 2, 1:2] = -last.sum() / h
+    maps[:, 2, 2:] = last @ RADAU.inverse / h**2
+    return maps
 
 
 class BoundStep:
@@ -451,44 +462,43 @@ def forward(tangent: Tangent, run: MotionRun, start: Array, b: Array, parameters
     (of_free, of_base), orders = run.maps, run.samples.shape[1]
     result = np.zeros((*run.samples.shape, d))
     first, layout = run.passages[0], tangent.layout
-    dq, dv = start[:free].T, start[free:].T  # (d, N)
     by_clamp = first.excitation.jacobian(first.excitation.begin)[:NODE]
     result[run.rest, 0] = of_free @ start[:free] + of_base @ (by_clamp @ b)
     bound, order = tangent.bound(d), tangent.inverse_order
     du = bound.vectors
     du[:, layout["parameters"]] = parameters.T
+    motion = np.zeros((d, 2 + STAGES, free))  # derivatives of q, v and Z
+    motion[:, :2] = start.T.reshape(d, 2, free)
+    dZ = motion[:, 2:].reshape(d, -1)
     dz = (run.relaxed_jacobian @ np.vstack([start[:free], parameters])).T
     modal_coefficients = tangent.modal_coefficients(run.parameters)
     for passage in run.passages:
-        excitation = passage.excitation
-        by_first = np.vstack([dq.T, dv.T, excitation.jacobian(excitation.begin) @ b, parameters, dz.T])
-        da = (passage.acceleration_jacobian @ by_first).T
+        excitation, steps = passage.excitation, passage.steps
+        q_v = motion[:, :2].reshape(d, -1)
+        by_first = np.vstack([q_v.T, excitation.jacobian(excitation.begin) @ b, parameters, dz.T])
+        da = (passage.acceleration_jacobian @ by_first).T[:, None]
         stages = (passage.stage_jacobians() @ b).reshape(-1, STAGES * EXCITATION, d)
-        steps = passage.steps
-        for k, (samples, by_stage) in enumerate(zip(passage.samples, stages, strict=True)):
+        rows = np.empty((len(stages) + 1, d, 3, len(of_free)))  # derivatives of q, v and a at the ends of the steps
+        rows[0] = np.concatenate([motion[:, :2], da], axis=1) @ of_free.T
+        for k, (by_stage, end_map) in enumerate(zip(stages, end_maps(steps.lengths), strict=True)):
             stop_if_interrupted()
-            du[:, layout["q"]], du[:, layout["v"]], du[:, layout["excitations"]] = dq, dv, by_stage.T
+            du[:, : 2 * free], du[:, layout["excitations"]] = motion[:, :2].reshape(d, -1), by_stage.T
             du[:, layout["internal"]] = dz
             entries, product = bound.at(steps, k, run.parameters)()
             factors = tangent.factors(entries, steps, k, modal_coefficients)
-            solved = factors.solve(product.reshape(d, -1)[:, order].T, overwrite=True)
-            unordered = np.empty((d, STAGES * free))
-            unordered[:, order] = -solved.T
-            dZ = unordered.reshape(d, STAGES, free)
+            dZ[:, order] = -factors.solve(product.reshape(d, -1)[:, order].T, overwrite=True).T
             if dz.size:
                 relaxation = tangent.relaxation(d)
-                relaxation.vectors[:, : unordered.shape[1]], relaxation.vectors[:, unordered.shape[1] :] = unordered, du
+                relaxation.vectors[:, : dZ.shape[1]], relaxation.vectors[:, dZ.shape[1] :] = dZ, du
                 dz = relaxation.at(steps, k, run.parameters)()[0].reshape(d, -1).copy()
-            h = steps.lengths[k]
-            dV = (RADAU.inverse @ dZ) / h
-            ends = dq, dv, da, dq + dZ[:, -1], dV[:, -1], RADAU.inverse[-1] @ (dV - dv[:, None]) / h
-            if samples.size:
-                rows = np.array(ends) @ of_free.T  # (6, d, rows)
-                samples_along = run.weights[samples].reshape(-1, 6) @ rows.reshape(6, -1)
-                result[samples] = samples_along.reshape(samples.size, orders, d, -1).swapaxes(2, 3)
-            dq, dv, da = ends[3:]
+            end = end_map @ motion
+            motion[:, :2] = end[:, :2]
+            rows[k + 1] = end @ of_free.T
+        inside, owner = passage.owned
+        weights = run.weights[inside]
+        for j, of_direction in enumerate(np.moveaxis(rows, 1, 0)):
+            result[inside, ..., j] = weights[..., :3] @ of_direction[owner] + weights[..., 3:] @ of_direction[owner + 1]
         if b.size:
-            inside = passage.owned[0]
             result[inside] += of_base @ (clamp_jacobians(excitation, run.times[inside], orders) @ b)
     return result
 
@@ -509,18 +519,15 @@ def reverse(tangent: Tangent, run: MotionRun, weights: Array) -> tuple[Array, Ar
     for passage in reversed(run.passages):
         excitation, a = passage.excitation, np.zeros((free, d))
         steps, stages = passage.steps, passage.stage_jacobians()
+        maps = end_maps(steps.lengths)
         for k in reversed(range(steps.lengths.size)):
             stop_if_interrupted()
             entries, _ = bound.at(steps, k, run.parameters)()
             factors = tangent.factors(entries, steps, k, modal_coefficients)
             ends = _sample_adjoint(run, passage, passage.samples[k], weights, b)
-            q, v, a = ends[3] + q, ends[4] + v, ends[5] + a
-            by_velocities = RADAU.inverse[-1] / steps.lengths[k]
-            velocities = np.multiply.outer(by_velocities, a)
-            velocities[-1] += v
-            increments = np.einsum("ji,jkl->ikl", RADAU.inverse, velocities) / steps.lengths[k]
-            increments[-1] += q
-            weights_of_z = increments.reshape(-1, d)
+            at_end = ends[3:] + np.array([q, v, a])
+            by_start, weights_of_z = np.split(np.tensordot(maps[k].T, at_end, 1), [2])
+            weights_of_z = weights_of_z.reshape(-1, d)
             by_relaxation = np.zeros((weights_of_z.shape[0] + step_layout.size, d))
             if internal_size:
                 relaxation = tangent.relaxation(d, transposed=True)
@@ -532,9 +539,7 @@ def reverse(tangent: Tangent, run: MotionRun, weights: Array) -> tuple[Array, Ar
             by_q, by_v, by_excitation, parameters, z = step_layout.split(adjoint)
             b += np.einsum("sem,sed->md", stages[k], by_excitation.reshape(STAGES, EXCITATION, d))
             p += parameters
-            q = ends[0] + q + by_q
-            v = ends[1] - by_velocities.sum() * a + by_v
-            a = ends[2]
+            q, v, a = ends[0] + by_start[0] + by_q, ends[1] + by_start[1] + by_v, ends[2]
         by_q, by_v, by_excitation, parameters, by_internal = first_layout.split(passage.acceleration_jacobian.T @ a)
         q, v, z = q + by_q, v + by_v, z + by_internal
         b += excitation.jacobian(excitation.begin).T @ by_excitation

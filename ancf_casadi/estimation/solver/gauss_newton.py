@@ -27,8 +27,8 @@ after it.
 The residuals may have an error of their own, such as that of an integration.  It changes the loss by much more than it
 moves the minimum, because it is nearly orthogonal to the columns of J.  Then a step also counts as good if the next
 one, by the same J, is less than half as long, whatever the loss (the natural monotonicity test of Deuflhard).  As such
-residuals and their Jacobians are expensive, the steps end earlier, and a good step of less than three standard
-deviations leaves J as it is.  The first J may come from an earlier minimum nearby.
+residuals and their Jacobians are expensive, the last step may change them by three standard deviations.  The first J
+may come from an earlier minimum nearby.
 
 References
 ----------
@@ -55,8 +55,7 @@ from ancf_casadi.support.progress import count_step
 
 HUBER = 1.345  # threshold d over the standard deviation of the noise
 LAST_STEP = 1e-3  # change of the residuals by the last step, in standard deviations
-LAST_INACCURATE_STEP = 1.0  # the same where the residuals have an error of their own, whose check sees what it leaves
-SHORT_STEP = 3.0  # the same, below which the Jacobian is taken to stay as it is
+LAST_INACCURATE_STEP = 3.0  # the same where the residuals have an error of their own, whose check sees what it leaves
 ROUNDING = 1e-13  # the same, relative to that by unknowns from zero
 MOST_STEPS, MOST_FAILURES = 50, 6  # the latter in a row
 LEAST_GAIN, GOOD_GAIN = 1e-3, 0.75  # decrease of the loss over the predicted one
@@ -141,12 +140,12 @@ def minimise(
     ``evaluate`` returns residuals and Jacobian; ``inaccuracy`` is the norm of the error of the residuals, below which
     no step needs to be; ``jacobian`` is the first J, that at z if not given.
     """
-    small, y = LAST_INACCURATE_STEP if inaccuracy else LAST_STEP, cs.MX.sym("z", len(z))
-    values = cs.Function("values", [y], [evaluate.call([y], True, False)[0]])
-    outdated = jacobian is not None  # whether J is that of an earlier z
+    small, outdated = LAST_INACCURATE_STEP if inaccuracy else LAST_STEP, jacobian is not None
     if jacobian is None:
         r, jacobian = residuals_and_jacobian(evaluate, z)
     else:
+        y = cs.MX.sym("z", len(z))
+        values = cs.Function("values", [y], [evaluate.call([y], True, False)[0]])
         r = _evaluate_step(values, z)[0].ravel()
     reach, failures, steps = 1.0, 0, 0
     while True:
@@ -168,11 +167,7 @@ def minimise(
             step = _step(rows, psi / weights, np.maximum(lower - z, -reach), np.minimum(upper - z, reach))
         trial = np.clip(z + step, lower, upper)
         predicted = -float(psi @ (jacobian @ step)) - float(np.sum((rows @ step) ** 2)) / 2
-        short = bool(inaccuracy) and change <= SHORT_STEP * deviation
-        if short:
-            r_trial, jacobian_trial = _evaluate_step(values, trial)[0].ravel(), jacobian
-        else:
-            r_trial, jacobian_trial = residuals_and_jacobian(evaluate, trial)
+        r_trial, jacobian_trial = residuals_and_jacobian(evaluate, trial)
         steps += 1
         gain = (loss_value(r, huber) - loss_value(r_trial, huber)) / predicted
         nearer = False
@@ -180,14 +175,12 @@ def minimise(
             further = _step(rows, influence(r_trial, huber)[0] / weights, lower - trial, upper - trial)
             nearer = float(np.linalg.norm(rows @ further)) < NEARER * change
         if gain > LEAST_GAIN or nearer:
-            outdated = short
-            z, r, jacobian, failures = trial, r_trial, jacobian_trial, 0
+            z, r, jacobian, failures, outdated = trial, r_trial, jacobian_trial, 0, False
             reach *= GROWTH if gain > GOOD_GAIN else 1.0
+        elif outdated:
+            (r, jacobian), outdated = residuals_and_jacobian(evaluate, z), False
         else:  # the loss increases, or is not finite
             reach, failures = SHRINKAGE * float(np.abs(step).max()), failures + 1
-        if outdated and gain < GOOD_GAIN and not nearer:
-            r, jacobian = residuals_and_jacobian(evaluate, z)
-            outdated, failures = False, 0
 
 
 def _step(rows: Array, right: Array, low: Array, high: Array) -> Array:

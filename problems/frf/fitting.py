@@ -37,7 +37,9 @@ def fit_frf(
     """Identify natural frequencies, damping ratios and mode shapes from frequency response functions.
 
     sdypy-EMA gives the poles to start from; then all parameters are refined together by weighted least squares.  The
-    weights are those of the coherence or the standard deviations of the record, or follow from the residuals.
+    weights are those of the coherence or the standard deviations of the record, or follow from the residuals.  From a
+    record of ``frf_of`` under a shaker, the leakage that the measured force explains is removed; the weights are then
+    those of the noise that is left.
 
     Parameters
     ----------

@@ -7,7 +7,6 @@ import argparse
 from ancf_casadi.support.files import open_file
 from ancf_casadi.support.optional import library
 from problems.command.output import Output
-from problems.look.choices import Choices
 
 
 def add_look(parser: argparse.ArgumentParser) -> None:
@@ -24,11 +23,13 @@ def add_look(parser: argparse.ArgumentParser) -> None:
 
 def run_look(options: argparse.Namespace) -> Output:
     """Serve the page until it closes."""
+    from problems.look.choices import Choices  # these two are slow to import
+
     if options.file is not None:
         with open_file(Choices.of(options.file).file):
             pass
     library("nicegui", "shows the page")
-    from problems.look.server import serve  # slow to import
+    from problems.look.server import serve
 
     serve(options.file, open_browser=not options.no_browser)
     return Output(lambda: {}, lambda: "the page has closed")

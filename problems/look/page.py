@@ -47,12 +47,16 @@ def build_page(file: str | None, folder: Path) -> None:
     async def dropped(event: events.UploadEventArguments) -> None:
         path = folder / Path(event.file.name).name
         await event.file.save(path)
-        await show(str(path))
+        await show_file(str(path))
 
-    async def show(path: str) -> None:
+    async def show_file(path: str) -> None:
         body.clear()
         with body:
-            view = RecordView(path)
+            try:
+                view = RecordView(path)
+            except AncfError as error:
+                ui.label(str(error)).classes("text-negative")
+                return
         await view.show()
 
     with ui.row(align_items="center").classes("w-full"):
@@ -61,7 +65,7 @@ def build_page(file: str | None, folder: Path) -> None:
         upload.props("flat bordered").style("max-height: 3.5rem").mark("upload")
     body = ui.column().classes("w-full")
     if file is not None:
-        ui.timer(0.0, lambda: show(file), once=True)
+        ui.timer(0.0, lambda: show_file(file), once=True)
 
 
 class RecordView:
@@ -208,7 +212,7 @@ class RecordView:
         self._inputs["column"].set_options([channel.name for channel in usable], value=self.choices.column)
 
     def _show_record(self, record: Measurement) -> None:
-        _list(self._reader_notes, record.warnings)
+        _show_notes(self._reader_notes, record.warnings)
         sensor = record.sensor
         label = f"{sensor.quantity}, {sensor.unit}".rstrip(", ")
         self._set_options(self._record_chart, record_chart(record.time, record.values, label))
@@ -228,7 +232,7 @@ class RecordView:
             self._set_options(chart, amplitude_chart(view, quantity))
         self._report.text = view.report
         self._release.text = f"release at {fit.release_time:.6g} s: {fit.release_reason}"
-        _list(self._notes, fit.warnings)
+        _show_notes(self._notes, fit.warnings)
 
     @staticmethod
     def _set_options(chart: ui.echart, options: dict[str, Any]) -> None:
@@ -242,7 +246,8 @@ class RecordView:
             ui.download.content(picture, "fit.png")
 
 
-def _list(column: ui.column, notes: Sequence[str]) -> None:
+def _show_notes(column: ui.column, notes: Sequence[str]) -> None:
+    """Show notes in place of those in a column."""
     column.clear()
     with column:
         for note in notes:

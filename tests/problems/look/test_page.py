@@ -173,10 +173,12 @@ class TestInABrowser:
         page.mouse.move(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
         page.wait_for_function("/at \\S+ m: 1\\.95\\d+ ± \\S+ Hz, \\S+ ± \\S+ %/.test(document.body.innerText)")
 
-    def test_a_dropped_file_that_needs_a_column_says_so_beside_it(self, look, page, tmp_path):
+    def test_dropped_files_say_what_they_need(self, look, page, tmp_path):
         process, url = look()
         page.goto(url)
         page.wait_for_selector("input[type=file]", state="attached")
+        page.set_input_files("input[type=file]", {"name": "none.toml", "mimeType": "text/plain", "buffer": b"[beam]"})
+        wait_for(page, "decays")
         page.set_input_files("input[type=file]", write_decay(tmp_path / "two.csv", header="t (s),tip (mm),middle (mm)"))
         wait_for(page, "has 2 columns of values")
         page.get_by_label("column").click()

@@ -27,6 +27,7 @@ if TYPE_CHECKING:
 
 COMMANDS = {
     "inspect": "show the channels of a file of measurements, and what a fit would use",
+    "look": "show a record in the browser, and fit its decay while you choose",
     "track": "track markers through a video, and write their positions as a file of measurements",
     "init": "write a commented TOML file that runs as it is, to start from",
     "run": "do what the tables of a study file say: modes, match, simulation, response, fit, compare, plan",

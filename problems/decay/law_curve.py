@@ -135,7 +135,7 @@ def amplitude_table(fit: DecayFit) -> Table:
     (('amplitude_m', 'damping_ratio'), [0.018, 0.015])
     """
     check_instance(fit, "fit", DecayFit)
-    points = _measured_curve(fit)
+    points = measured_curve(fit)
     law = law_curve(fit, None if points is None else points.amplitude)
     bands = [law.damping_ratio, *law.damping_ratio_band.T, law.frequency, *law.frequency_band.T]
     heads = ["law_damping_ratio", "lower_95", "upper_95", "law_frequency_hz", "lower_95", "upper_95"]
@@ -148,7 +148,7 @@ def amplitude_table(fit: DecayFit) -> Table:
     return Table("against_amplitude", f"{fit.title} against amplitude", (*first_columns, *heads), rows)
 
 
-def _measured_curve(fit: DecayFit) -> DampingCurve | None:
+def measured_curve(fit: DecayFit) -> DampingCurve | None:
     """Return the windows of a fitted record; None if it is too short, or hidden by noise."""
     record = Measurement(fit.time, fit.measured, sensor=fit.model.sensor)
     try:
@@ -170,7 +170,7 @@ def decay_fit_figure(fits: Mapping[str, DecayFit]) -> Figure:
         unit=fit.model.sensor.unit,
         values=values,
         law=law_curve(fit),
-        points=_measured_curve(fit),
+        points=measured_curve(fit),
     )
 
 

@@ -120,17 +120,17 @@ class Decays(Step):
     def prepare(self, study: Study, where: str) -> Self:
         """Return the step with the tables of its decays, and its printed numbers."""
         study.file.require("decays", "each names the file of a free decay")
-        printed = printed_numbers(self.printed, dict.fromkeys(PRINTED, len(_records(study.file))), where)
+        printed = printed_numbers(self.printed, dict.fromkeys(PRINTED, len(decay_records(study.file))), where)
         return replace(super().prepare(study, where), printed=printed)
 
     def finding(self, compute: Compute, findings: Findings) -> Finding:
         """Return the table of modal parameters, and a figure per record."""
-        decays = [record.decay(self.file, place) for place, record in _records(self.file).items()]
+        decays = [record.decay(self.file, place) for place, record in decay_records(self.file).items()]
         fits = fit_all(compute, decays, self.law, self.rest, compute.formats)
         return decays_finding(decays, fits, self.printed, with_law=self.law == "auto")
 
 
-def _records(file: StudyFile) -> dict[str, DecayRecord]:
+def decay_records(file: StudyFile) -> dict[str, DecayRecord]:
     """Return the tables [[decays]] by their places."""
     places = {f"{file.where('decays')}: {k}": table for k, table in enumerate(file.several("decays"), start=1)}
     return {place: convert(table, DecayRecord, place) for place, table in places.items()}

@@ -1,0 +1,35 @@
+"""``ancf-casadi look``: a page in the browser that shows a record and fits its decay while the user chooses."""
+
+from __future__ import annotations
+
+import argparse
+
+from ancf_casadi.support.files import open_file
+from ancf_casadi.support.optional import library
+from problems.command.output import Output
+
+
+def add_look(parser: argparse.ArgumentParser) -> None:
+    """Add the options."""
+    parser.add_argument(
+        "file",
+        nargs="?",
+        metavar="FILE",
+        help="file of measurements, or study with [[decays]]; files may also be dropped there",
+    )
+    about = "do not open the page in a browser, only print its address"
+    parser.add_argument("--no-browser", action="store_true", help=about)
+
+
+def run_look(options: argparse.Namespace) -> Output:
+    """Serve the page until it closes."""
+    from problems.look.choices import Choices  # these two are slow to import
+
+    if options.file is not None:
+        with open_file(Choices.of(options.file).file):
+            pass
+    library("nicegui", "shows the page")
+    from problems.look.server import serve
+
+    serve(options.file, open_browser=not options.no_browser)
+    return Output(lambda: {}, lambda: "the page has closed")

@@ -1,0 +1,133 @@
+"""Options of the charts of the page, for ECharts.
+
+A line of many samples is drawn by the smallest and the largest value in each of ``BINS`` parts of its times, which
+looks the same.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from ancf_casadi.support.arrays import Array
+from problems.look.computation import DecayView
+from problems.study.formatting import shown
+
+BINS = 1500  # pixels of a wide screen
+RECORD, FIT, BAND = "#5470c6", "#d9480f", "rgba(217, 72, 15, 0.18)"
+PART = "rgba(136, 136, 136, 0.12)"  # of the record that was fitted
+TEXT, LINES = "#888", "rgba(136, 136, 136, 0.25)"  # on light and on dark pages
+GRID = {"left": 70, "right": 20, "top": 34, "bottom": 44}
+Options = dict[str, Any]
+
+
+def record_chart(time: Array, values: Array, label: str) -> Options:
+    """Return the chart of a record, with a brush over the times, and room for the fit."""
+    lines: list[Options] = [
+        {"name": "record", "type": "line", "data": thinned(time, values), "color": RECORD, "lineStyle": {"width": 1}},
+        {"name": "fit", "type": "line", "data": [], "color": FIT, "lineStyle": {"width": 1, "opacity": 0.8}},
+    ]
+    return _chart("time, s", label, lines) | {"brush": _brush()}
+
+
+def show_fit(chart: Options, view: DecayView) -> None:
+    """Draw a fit and its release into the chart of its record."""
+    record, fit = chart["series"]
+    fit["data"] = thinned(view.fit.time, view.fit.displacement(view.fit.time))
+    label = {"formatter": "release", "position": "insideEndTop"}
+    release = {"xAxis": view.fit.release_time, "label": label, "lineStyle": {"color": FIT, "type": "dashed"}}
+    record["markLine"] = {"symbol": "none", "silent": True, "data": [release]}
+    ends = [[{"xAxis": view.fit.time[0]}, {"xAxis": view.fit.time[-1]}]]
+    record["markArea"] = {"silent": True, "itemStyle": {"color": PART}, "data": ends}
+
+
+def forget_fit(chart: Options) -> None:
+    """Take the fit out of the chart of its record."""
+    record, fit = chart["series"]
+    fit["data"], record["markLine"], record["markArea"] = [], {"data": []}, {"data": []}
+
+
+def residual_chart(view: DecayView) -> Options:
+    """Return the chart of the record less its fit."""
+    data = thinned(view.fit.time, -view.fit.residuals)
+    line = {"type": "line", "data": data, "color": RECORD, "lineStyle": {"width": 1}}
+    return _chart("time, s", f"record less fit, {view.fit.model.sensor.unit}".rstrip(", "), [line])
+
+
+def spectrum_chart(frequencies: Array, amplitudes: Array) -> Options:
+    """Return the chart of a spectrum, with a brush over the frequencies."""
+    floor = 1e-6 * amplitudes.max(initial=1e-300)
+    data = thinned(frequencies[1:], np.maximum(amplitudes[1:], floor))
+    options = _chart("frequency, Hz", "amplitude", [{"type": "line", "data": data, "color": RECORD}])
+    options["yAxis"]["type"] = "log"
+    return options | {"brush": _brush()}
+
+
+def amplitude_chart(view: DecayView, quantity: str) -> Options:
+    """Return the chart of ``damping_ratio`` or ``frequency`` against amplitude: law with its band, and windows.
+
+    The third entry of each point of the law is what the page says at the cursor.
+    """
+    scale, label = (100.0, "damping ratio, %") if quantity == "damping_ratio" else (1.0, "frequency, Hz")
+    curve, unit = view.curve, view.curve.unit
+    values, band = scale * getattr(curve, quantity), scale * getattr(curve, f"{quantity}_band")
+    texts = [at_amplitude(view, k) for k in range(len(curve.amplitude))]
+    law = [list(point) for point in zip(curve.amplitude.tolist(), values.tolist(), texts, strict=True)]
+    low, height = band[:, 0], band[:, 1] - band[:, 0]
+    shared = {"type": "line", "stack": "band", "lineStyle": {"opacity": 0}, "silent": True, "color": FIT}
+    series: list[Options] = [
+        shared | {"data": np.column_stack([curve.amplitude, low]).tolist()},
+        shared | {"data": np.column_stack([curve.amplitude, height]).tolist(), "areaStyle": {"color": BAND}},
+        {"name": "law", "type": "line", "data": law, "color": FIT},
+    ]
+    if view.windows is not None:
+        points = np.column_stack([view.windows.amplitude, scale * getattr(view.windows, quantity)])
+        series.append({"name": "windows", "type": "scatter", "data": points.tolist(), "color": RECORD, "symbolSize": 6})
+    options = _chart(f"amplitude, {unit}".rstrip(", "), label, series)
+    for line in options["series"]:
+        line["showSymbol"] = line["type"] == "scatter"
+    formatter = "points => (points.find(point => point.seriesName == 'law') || {data: []}).data[2]"
+    return options | {"tooltip": {"trigger": "axis", ":formatter": formatter}}
+
+
+def at_amplitude(view: DecayView, k: int) -> str:
+    """Return frequency and damping ratio at the k-th amplitude as text, with half of their 95 % intervals."""
+    curve = view.curve
+    frequency, ratio = (getattr(curve, name)[k] for name in ("frequency", "damping_ratio"))
+    halves = [float(np.ptp(getattr(curve, f"{name}_band")[k])) / 2 for name in ("frequency", "damping_ratio")]
+    values = f"{shown(float(frequency), halves[0])} Hz, {shown(float(100 * ratio), 100 * halves[1])} %"
+    return f"at {curve.amplitude[k]:.3g} {curve.unit}: {values} (95 %)"
+
+
+def thinned(x: Array, y: Array) -> list[list[float]]:
+    """Return points (x, y), of many only the smallest and the largest y in each of ``BINS`` parts, in order of x."""
+    if len(x) > 4 * BINS:
+        edges = np.linspace(0, len(x), BINS + 1).astype(int)[:-1]
+        bins = np.split(np.arange(len(x)), edges[1:])
+        kept = np.unique([k for part in bins for k in (part[y[part].argmin()], part[y[part].argmax()])])
+        x, y = x[kept], y[kept]
+    return np.column_stack([x, y]).tolist()  # type: ignore[no-any-return]
+
+
+def _chart(x: str, y: str, series: list[Options]) -> Options:
+    number = {
+        ":formatter": "value => String(Number(value.toPrecision(6)))",
+        "showMinLabel": False,
+        "showMaxLabel": False,
+    }
+    axis = {"type": "value", "scale": True, "nameLocation": "middle", "nameTextStyle": {"color": TEXT}}
+    axis |= {"axisLabel": number | {"color": TEXT}, "splitLine": {"lineStyle": {"color": LINES}}}
+    for line in series:
+        line.setdefault("showSymbol", False)
+        line.setdefault("animation", False)
+    return {
+        "grid": GRID,
+        "xAxis": axis | {"name": x, "nameGap": 28, "min": "dataMin", "max": "dataMax"},
+        "yAxis": axis | {"name": y, "nameGap": 52},
+        "series": series,
+    }
+
+
+def _brush() -> Options:
+    return {"xAxisIndex": 0, "brushType": "lineX", "brushMode": "single", "toolbox": [], "throttleType": "debounce"}

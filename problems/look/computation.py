@@ -1,0 +1,80 @@
+"""The record and the fit that belong to what a user has chosen, by the public functions."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+
+from ancf_casadi.decay.envelope import DampingCurve, LawCurve
+from ancf_casadi.estimation.comparison import LawComparison
+from ancf_casadi.records.channel import Recording
+from ancf_casadi.records.measurement import Measurement
+from ancf_casadi.records.processing import amplitude_spectrum
+from ancf_casadi.records.reading.formats import read_contents
+from ancf_casadi.records.recording import with_times
+from ancf_casadi.records.sensor import Sensor
+from ancf_casadi.support.arrays import Array
+from problems.decay.comparison import compare_decay_laws, comparison_arguments
+from problems.decay.fitting import fit_decay
+from problems.decay.law_curve import law_curve, measured_curve
+from problems.decay.mode_separation import isolate_mode
+from problems.decay.result import DecayFit
+from problems.look.choices import Choices
+
+AMPLITUDES = 60  # at which the page shows frequency and damping ratio
+
+
+@dataclass(frozen=True, eq=False)
+class DecayView:
+    """A fitted decay, as the page shows it."""
+
+    fit: DecayFit
+    report: str
+    curve: LawCurve  # frequency and damping ratio against amplitude, with bands
+    windows: DampingCurve | None  # the same without a law; None if the record is too short
+
+
+@lru_cache(1)
+def contents(file: str) -> Recording:
+    """Return the columns of a file, read once."""
+    return read_contents(file)
+
+
+def recording(choices: Choices) -> Recording:
+    """Return the columns of the chosen file with their times."""
+    return with_times(
+        contents(choices.file), time=choices.time, time_unit=choices.time_unit, sample_rate=choices.sample_rate
+    )
+
+
+def whole_record(choices: Choices) -> Measurement:
+    """Return the chosen channel."""
+    sensor = None if choices.sensor is None else Sensor(choices.sensor)  # type: ignore[arg-type]
+    return Measurement.from_recording(recording(choices), choices.column, unit=choices.unit, sensor=sensor)
+
+
+def spectrum(record: Measurement) -> tuple[Array, Array]:
+    """Return frequencies (Hz) and amplitudes of a record, by linear interpolation at even times."""
+    grid = np.linspace(record.time[0], record.time[-1], record.time.size)
+    return amplitude_spectrum(grid, np.interp(grid, record.time, record.values))
+
+
+@lru_cache(1)
+def fit_chosen(choices: Choices) -> DecayView:
+    """Fit the chosen part of the record as ``fit-decay`` does."""
+    record, release_time = whole_record(choices).cut(choices.begin, choices.end), choices.release_time
+    if choices.band is not None:
+        isolated = isolate_mode(record, choices.band, release_time=release_time)
+        record, release_time = isolated.record, isolated.mode.release_time
+    laws = {"law": choices.law or "linear", "frequency_law": choices.frequency_law, "rest": choices.rest}
+    result: DecayFit | LawComparison[DecayFit]
+    if "auto" in laws.values():
+        result = compare_decay_laws(record, release_time=release_time, **comparison_arguments(**laws))  # type: ignore[arg-type]
+        fit = result.best
+    else:
+        settings = {name: law or "constant" for name, law in laws.items()}
+        result = fit = fit_decay(record, release_time=release_time, robust=choices.robust, **settings)  # type: ignore[call-overload]
+    amplitudes = np.geomspace(*fit.amplitude_range, AMPLITUDES)
+    return DecayView(fit, result.report(), law_curve(result, amplitudes), measured_curve(fit))

@@ -1,0 +1,209 @@
+"""The page in a real browser, and the guard of its server."""
+
+import asyncio
+import contextlib
+import http.client
+import json
+import os
+import re
+import shlex
+import shutil
+import subprocess
+import sys
+import time
+import urllib.parse
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+pytest.importorskip("nicegui")
+playwright = pytest.importorskip("playwright.sync_api")
+
+from problems.look.charts import BINS, thinned  # noqa: E402
+from problems.look.server import Guard  # noqa: E402
+
+BROWSER = shutil.which("chromium") or shutil.which("google-chrome")
+in_browser = [pytest.mark.slow, pytest.mark.skipif(BROWSER is None, reason="no Chromium is installed")]
+TOKEN, ADDRESS = "secret", "127.0.0.1:1234"
+
+
+def answer(headers=(), query="", kind="http"):
+    """Return the messages that a request to a guarded application gets."""
+    sent = []
+
+    async def application(scope, receive, send):
+        await send({"type": "http.response.start", "status": 200, "headers": []})
+
+    async def send(message):
+        sent.append(message)
+
+    headers = {"host": ADDRESS} | dict(headers)
+    encoded = [(name.encode(), value.encode()) for name, value in headers.items()]
+    scope = {"type": kind, "headers": encoded, "query_string": query.encode()}
+    asyncio.run(Guard(application, TOKEN, ADDRESS)(scope, None, send))
+    return sent
+
+
+def test_the_token_opens_the_page_once_and_a_cookie_does_afterwards():
+    (first,) = answer(query=f"token={TOKEN}")
+    assert first["status"] == 200
+    ((_, cookie),) = first["headers"]
+    assert b"HttpOnly" in cookie and b"SameSite=Strict" in cookie
+    (later,) = answer({"cookie": cookie.decode().split(";")[0]})
+    assert later["status"] == 200 and not later["headers"]
+
+
+@pytest.mark.parametrize(
+    ("headers", "query"),
+    [
+        ({}, ""),
+        ({}, "token=other"),
+        ({"cookie": "ancf_casadi_token=other"}, ""),
+        ({"origin": "http://elsewhere.example"}, f"token={TOKEN}"),
+        ({"host": "elsewhere.example:1234"}, f"token={TOKEN}"),
+    ],
+)
+def test_whoever_does_not_know_the_token_or_comes_from_elsewhere_is_refused(headers, query):
+    assert answer(headers, query)[0]["status"] == 403
+    assert answer(headers, query, "websocket") == [{"type": "websocket.close", "code": 1008}]
+
+
+def test_a_thinned_line_keeps_its_extremes():
+    y = np.random.default_rng(0).normal(size=60_000)
+    points = np.array(thinned(np.arange(y.size), y))
+    assert len(points) <= 2 * BINS
+    assert (np.diff(points[:, 0]) > 0).all()
+    assert points[:, 1].min() == y.min() and points[:, 1].max() == y.max()
+
+
+@pytest.fixture
+def look():
+    """A function that serves a file, and returns the process and the address of its page."""
+    processes = []
+
+    def serve(*arguments):
+        command = [sys.executable, "-m", "problems.cli", "look", *map(str, arguments), "--no-browser"]
+        # NiceGUI serves its own tests otherwise
+        environment = {name: value for name, value in os.environ.items() if not name.startswith("PYTEST")}
+        process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=environment)
+        processes.append(process)
+        return process, re.search(r"http://\S+", process.stdout.readline())[0]
+
+    yield serve
+    for process in processes:
+        process.kill()
+        process.stdout.close()
+        process.wait()
+
+
+@pytest.fixture
+def page():
+    """A page of a browser that notes the hosts to which it sends requests."""
+    with playwright.sync_playwright() as running:
+        browser = running.chromium.launch(executable_path=BROWSER, args=["--no-sandbox"])
+        page = browser.new_page(viewport={"width": 1400, "height": 1400})
+        page.hosts = set()
+        page.on("request", lambda request: page.hosts.add(urllib.parse.urlsplit(request.url).netloc))
+        yield page
+        browser.close()
+
+
+def write_decay(path, samples=1601, header="t (s),tip (mm)"):
+    time = np.linspace(0.0, 8.0, samples)
+    y = 20.0 * np.exp(-0.25 * time) * np.cos(12.3 * time) + 0.05 * np.random.default_rng(0).normal(size=time.size)
+    np.savetxt(
+        path, np.column_stack([time, y, 2 * y][: header.count(",") + 1]), delimiter=",", header=header, comments=""
+    )
+    return path
+
+
+def wait_for(page, text):
+    page.wait_for_function("text => document.body.innerText.includes(text)", arg=text, timeout=30_000)
+
+
+def brush(page, begin, end, chart=0):
+    """Brush over a part of a chart, from one fraction of its width to another."""
+    box = page.locator("canvas").nth(chart).bounding_box()
+    y = box["y"] + box["height"] / 2
+    page.mouse.move(box["x"] + begin * box["width"], y)
+    page.mouse.down()
+    page.mouse.move(box["x"] + end * box["width"], y, steps=8)
+    page.mouse.up()
+
+
+def run(*arguments):
+    command = [sys.executable, "-m", "problems.cli", *map(str, arguments)]
+    return subprocess.run(command, capture_output=True, text=True, check=True).stdout
+
+
+def command_line(page):
+    return re.search(r"ancf-casadi fit-decay .*", page.inner_text("body"))[0]
+
+
+class TestInABrowser:
+    pytestmark = in_browser
+
+    def test_a_brush_and_a_law_give_the_numbers_of_the_study_that_is_saved(self, look, page, tmp_path):
+        _, url = look(write_decay(tmp_path / "tip.csv"))
+        page.goto(url)
+        wait_for(page, "±")
+        page.wait_for_timeout(500)  # until the pointer brushes
+        brush(page, 0.2, 0.8)
+        wait_for(page, "--begin")
+        page.get_by_label("law", exact=True).click()
+        page.get_by_role("option", name="quadratic").first.click()
+        wait_for(page, "quadratic decay")
+        with page.expect_download() as download:
+            page.get_by_text("save study.toml").click()
+        study = Path(download.value.path()).rename(tmp_path / "study.toml")
+        report = run("fit-decay", *shlex.split(command_line(page))[2:])
+        shown = page.inner_text("body")
+        assert all(line.strip() in shown for line in report.splitlines())
+        (decay,) = json.loads(run("run", study, "--json"))["decays"]
+        assert f"frequency                 {decay['frequency_hz']:.6g} +-" in shown
+        assert page.hosts == {urllib.parse.urlsplit(url).netloc}
+
+    def test_the_value_at_the_cursor_has_its_error(self, look, page, tmp_path):
+        _, url = look(write_decay(tmp_path / "tip.csv"))
+        page.goto(url)
+        wait_for(page, "±")
+        page.wait_for_timeout(1000)
+        box = page.locator("canvas").nth(3).bounding_box()
+        page.mouse.move(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
+        page.wait_for_function("/at \\S+ m: 1\\.95\\d+ ± \\S+ Hz, \\S+ ± \\S+ %/.test(document.body.innerText)")
+
+    def test_dropped_files_say_what_they_need(self, look, page, tmp_path):
+        process, url = look()
+        page.goto(url)
+        page.wait_for_selector("input[type=file]", state="attached")
+        page.set_input_files("input[type=file]", {"name": "none.toml", "mimeType": "text/plain", "buffer": b"[beam]"})
+        wait_for(page, "decays")
+        page.set_input_files("input[type=file]", write_decay(tmp_path / "two.csv", header="t (s),tip (mm),middle (mm)"))
+        wait_for(page, "has 2 columns of values")
+        page.get_by_label("column").click()
+        page.get_by_role("option", name="middle").click()
+        wait_for(page, "±")
+        assert "--column 'middle (mm)'" in command_line(page)
+        page.close()
+        assert process.wait(timeout=30) == 0  # the page has closed
+
+    def test_a_brush_on_many_samples_fits_within_a_second(self, look, page, tmp_path):
+        _, url = look(write_decay(tmp_path / "tip.csv", samples=60_000))
+        page.goto(url)
+        wait_for(page, "±")
+        page.wait_for_timeout(1000)
+        began = time.perf_counter()
+        brush(page, 0.3, 0.8)
+        wait_for(page, "--begin")
+        page.wait_for_selector(".q-spinner.hidden", state="attached")
+        assert time.perf_counter() - began < 3.0  # 0.7 s on an idle machine
+
+    def test_requests_without_the_token_get_nothing(self, look, tmp_path):
+        _, url = look(write_decay(tmp_path / "tip.csv"))
+        host = urllib.parse.urlsplit(url).netloc
+        for path, headers in (("/", {}), (url.removeprefix(f"http://{host}"), {"Origin": "http://elsewhere.example"})):
+            with contextlib.closing(http.client.HTTPConnection(host)) as connection:
+                connection.request("GET", path, headers=headers)
+                response = connection.getresponse()
+                assert (response.status, b"tip.csv" in response.read()) == (403, False)

@@ -25,7 +25,7 @@ Options = dict[str, Any]
 def record_chart(time: Array, values: Array, label: str) -> Options:
     """Return the chart of a record, with a brush over the times, and room for the fit."""
     lines: list[Options] = [
-        {"name": "record", "type": "line", "data": thinned(time, values), "color": RECORD, "lineStyle": {"width": 1}},
+        {"name": "record", "type": "line", "data": thin(time, values), "color": RECORD, "lineStyle": {"width": 1}},
         {"name": "fit", "type": "line", "data": [], "color": FIT, "lineStyle": {"width": 1, "opacity": 0.8}},
     ]
     return _chart("time, s", label, lines) | {"brush": _brush()}
@@ -34,7 +34,7 @@ def record_chart(time: Array, values: Array, label: str) -> Options:
 def show_fit(chart: Options, view: DecayView) -> None:
     """Draw a fit and its release into the chart of its record."""
     record, fit = chart["series"]
-    fit["data"] = thinned(view.fit.time, view.fit.displacement(view.fit.time))
+    fit["data"] = thin(view.fit.time, view.fit.displacement(view.fit.time))
     label = {"formatter": "release", "position": "insideEndTop"}
     release = {"xAxis": view.fit.release_time, "label": label, "lineStyle": {"color": FIT, "type": "dashed"}}
     record["markLine"] = {"symbol": "none", "silent": True, "data": [release]}
@@ -50,7 +50,7 @@ def forget_fit(chart: Options) -> None:
 
 def residual_chart(view: DecayView) -> Options:
     """Return the chart of the record less its fit."""
-    data = thinned(view.fit.time, -view.fit.residuals)
+    data = thin(view.fit.time, -view.fit.residuals)
     line = {"type": "line", "data": data, "color": RECORD, "lineStyle": {"width": 1}}
     return _chart("time, s", f"record less fit, {view.fit.model.sensor.unit}".rstrip(", "), [line])
 
@@ -58,7 +58,7 @@ def residual_chart(view: DecayView) -> Options:
 def spectrum_chart(frequencies: Array, amplitudes: Array) -> Options:
     """Return the chart of a spectrum, with a brush over the frequencies."""
     floor = 1e-6 * amplitudes.max(initial=1e-300)
-    data = thinned(frequencies[1:], np.maximum(amplitudes[1:], floor))
+    data = thin(frequencies[1:], np.maximum(amplitudes[1:], floor))
     options = _chart("frequency, Hz", "amplitude", [{"type": "line", "data": data, "color": RECORD}])
     options["yAxis"]["type"] = "log"
     return options | {"brush": _brush()}
@@ -100,7 +100,7 @@ def at_amplitude(view: DecayView, k: int) -> str:
     return f"at {curve.amplitude[k]:.3g} {curve.unit}: {values} (95 %)"
 
 
-def thinned(x: Array, y: Array) -> list[list[float]]:
+def thin(x: Array, y: Array) -> list[list[float]]:
     """Return points (x, y), of many only the smallest and the largest y in each of ``BINS`` parts, in order of x."""
     if len(x) > 4 * BINS:
         edges = np.linspace(0, len(x), BINS + 1).astype(int)[:-1]

@@ -11,11 +11,8 @@ from typing import Any
 from problems.study.kinds.decays import decay_records
 from problems.study.reading import read_study
 
-READING = ("time", "time_unit", "sample_rate")  # options that say how to read the file
-CHOOSING = ("column", "unit", "sensor", "begin", "end", "release_time")  # options of one channel and its part
-LAWS = ("law", "frequency_law", "rest")
-DEFAULTS = {"law": "linear", "rest": None}  # of the step of a study
-COMMAND_ONLY = ("sensor", "band", "frequency_law", "robust")  # options that no study has
+DECAY_KEYS = ("time", "time_unit", "sample_rate", "column", "unit", "begin", "end", "release_time")  # of [[decays]]
+STEP_DEFAULTS = {"law": "linear", "rest": None}  # keys of the step of a study, with their defaults
 
 
 @dataclass(frozen=True)
@@ -46,20 +43,20 @@ class Choices:
         study = read_study(file, ["decays"])
         record, *_ = decay_records(study.file).values()
         keys = {key: value for key, value in record.set_fields().items() if value == value}  # not nan, the default
-        chosen = {name: keys[name] for name in (*READING, *CHOOSING) if name in keys}
-        laws = {name: getattr(study.steps[0], name) for name in LAWS if hasattr(study.steps[0], name)}
-        chosen |= {name: law for name, law in laws.items() if law != DEFAULTS[name]}
-        return Choices(**chosen | {"file": str(study.file.beside(record.file))})
+        chosen = {name: keys[name] for name in DECAY_KEYS if name in keys}
+        laws = {name: getattr(study.steps[0], name) for name in STEP_DEFAULTS}
+        chosen |= {name: law for name, law in laws.items() if law != STEP_DEFAULTS[name]}
+        return Choices(str(study.file.beside(record.file)), **chosen)
 
-    def given(self) -> dict[str, Any]:
+    def options(self) -> dict[str, Any]:
         """Return the options that differ from the defaults, by name."""
         options = {field.name: getattr(self, field.name) for field in fields(self)[1:]}
-        return {name: value for name, value in options.items() if value not in (None, False)}
+        return {name: value for name, value in options.items() if value is not None and value is not False}
 
     def command(self) -> str:
         """Return the command line that fits the same."""
         words = ["ancf-casadi", "fit-decay", self.file]
-        for name, value in self.given().items():
+        for name, value in self.options().items():
             words.append(f"--{name.replace('_', '-')}")
             if name == "band":
                 words.append(",".join(map(str, value)))
@@ -69,13 +66,13 @@ class Choices:
 
     def study(self) -> str:
         """Return the file of a study that fits the same; a comment names the options that only the command has."""
-        given = self.given()
+        options = self.options()
         lines = ["[[decays]]", _entry("file", self.file)]
-        lines += [_entry(name, given[name]) for name in (*READING, *CHOOSING) if name in given.keys() - {*COMMAND_ONLY}]
-        if laws := [_entry(name, given[name]) for name in LAWS if name in given.keys() - {*COMMAND_ONLY}]:
+        lines += [_entry(name, options.pop(name)) for name in DECAY_KEYS if name in options]
+        if laws := [_entry(name, options.pop(name)) for name in STEP_DEFAULTS if name in options]:
             lines += ["", "[[steps]]", 'kind = "decays"', *laws]
-        if missing := [name for name in COMMAND_ONLY if name in given]:
-            lines += ["", f"# only the command has: {', '.join(missing)}"]
+        if options:
+            lines += ["", f"# only the command has: {', '.join(options)}"]
         return "\n".join([*lines, ""])
 
 

@@ -31,20 +31,20 @@ from problems.look.charts import (
     show_fit,
     spectrum_chart,
 )
-from problems.look.choices import READING, Choices
+from problems.look.choices import Choices
 from problems.look.computation import DecayView, fit_chosen, recording, spectrum, whole_record
 from problems.study.formatting import shown
 
 BRUSHING = "{type: 'takeGlobalCursor', key: 'brush', brushOption: {brushType: 'lineX', brushMode: 'single'}}"
 DIGITS = 6  # of a time or a frequency that is chosen in a chart
 LAWS_OF = {"law": Law, "frequency_law": FrequencyLaw, "rest": Rest}
-SHOWS_RECORD = {*READING, "column", "unit", "sensor"}  # options whose change shows another record
+SHOWS_RECORD = {"time", "time_unit", "sample_rate", "column", "unit", "sensor"}  # options that show another record
 
 
 def build_page(file: str | None, folder: Path) -> None:
     """Build the page for a file, or for the one that is dropped there, which goes to a folder."""
 
-    async def dropped(event: events.UploadEventArguments) -> None:
+    async def show_upload(event: events.UploadEventArguments) -> None:
         path = folder / Path(event.file.name).name
         await event.file.save(path)
         await show_file(str(path))
@@ -61,7 +61,7 @@ def build_page(file: str | None, folder: Path) -> None:
 
     with ui.row(align_items="center").classes("w-full"):
         ui.label("ancf-casadi look").classes("text-h6")
-        upload = ui.upload(label="Drop a file of measurements here", on_upload=dropped, auto_upload=True)
+        upload = ui.upload(label="Drop a file of measurements here", on_upload=show_upload, auto_upload=True)
         upload.props("flat bordered").style("max-height: 3.5rem").mark("upload")
     body = ui.column().classes("w-full")
     if file is not None:
@@ -146,7 +146,7 @@ class RecordView:
     def _brushed_chart(self, first: str, last: str, size: str) -> ui.echart:
         """Return a chart in which the user brushes over an interval: two options, or one with both ends."""
 
-        def brushed(event: events.GenericEventArguments) -> None:
+        def choose_interval(event: events.GenericEventArguments) -> None:
             if not (areas := event.args["areas"]):
                 return
             low, high = (float(f"{end:.{DIGITS}g}") for end in areas[0]["coordRange"])
@@ -154,13 +154,13 @@ class RecordView:
             chart.run_chart_method("dispatchAction", {"type": "brush", "areas": []})
 
         chart = ui.echart({}).classes(f"w-full {size}").mark(first)
-        return chart.on("chart:brushEnd", brushed, ["areas"])
+        return chart.on("chart:brushEnd", choose_interval, ["areas"])
 
     def _select(self, name: str, options: Sequence[Any], label: str, hint: str = "") -> None:
-        def chosen(event: events.ValueChangeEventArguments[Any]) -> None:
+        def choose_value(event: events.ValueChangeEventArguments[Any]) -> None:
             self.choose(**{name: event.value})
 
-        select = ui.select([*options], label=label, on_change=chosen, clearable=True)
+        select = ui.select([*options], label=label, on_change=choose_value, clearable=True)
         self._inputs[name] = select.props(f'hint="{hint}"').classes("w-full").mark(name)
 
     def _text(self, name: str, label: str, hint: str) -> None:

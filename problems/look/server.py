@@ -80,7 +80,7 @@ async def _refuse(scope: Scope, send: Channel) -> None:
     await send({"type": "http.response.body", "body": b"open the address that ancf-casadi look has printed\n"})
 
 
-async def _answers(port: int) -> None:
+async def _wait_until_answered(port: int) -> None:
     """Wait until the server answers."""
     while True:
         with contextlib.suppress(ConnectionRefusedError):
@@ -114,7 +114,7 @@ def serve(file: str | None, *, open_browser: bool) -> None:
         build_page(file, Path(folder.name))
 
     async def announce() -> None:
-        await _answers(port)
+        await _wait_until_answered(port)
         print(f"Open {url} (Ctrl-C, or closing the page, ends it)", flush=True)
         if open_browser:
             webbrowser.open(url)

@@ -25,19 +25,19 @@ def tip(tmp_path):
 
 
 def test_the_command_has_the_chosen_options():
-    choices = Choices("a b.csv", unit="0.25 mm", begin=-1.5, band=(1.0, 2.5), law="quadratic", robust=True)
+    choices = Choices("a b.csv", unit="0.25 mm", begin=0.0, band=(1.0, 2.5), law="quadratic", robust=True)
     _, *words = shlex.split(choices.command())
     options = vars(_parser().parse_args(words))
     assert options["files"] == ["a b.csv"]
-    assert {name: options[name] for name in choices.given()} == choices.given()
+    assert {name: options[name] for name in choices.options()} == choices.options()
     assert options["end"] is None and options["frequency_law"] is None
 
 
 def test_the_study_has_the_chosen_options_and_names_those_that_it_cannot_have():
-    choices = Choices('a "b".csv', column="tip", begin=0.5, law="power", band=(1.0, 2.0))
+    choices = Choices('a "b".csv', column="tip", begin=0.0, law="power", band=(1.0, 2.0))
     text = choices.study()
     assert tomllib.loads(text) == {
-        "decays": [{"file": 'a "b".csv', "column": "tip", "begin": 0.5}],
+        "decays": [{"file": 'a "b".csv', "column": "tip", "begin": 0.0}],
         "steps": [{"kind": "decays", "law": "power"}],
     }
     assert text.endswith("# only the command has: band\n")

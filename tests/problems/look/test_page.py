@@ -20,7 +20,7 @@ import pytest
 pytest.importorskip("nicegui")
 playwright = pytest.importorskip("playwright.sync_api")
 
-from problems.look.charts import BINS, thinned  # noqa: E402
+from problems.look.charts import BINS, thin  # noqa: E402
 from problems.look.server import Guard  # noqa: E402
 
 BROWSER = shutil.which("chromium") or shutil.which("google-chrome")
@@ -71,7 +71,7 @@ def test_whoever_does_not_know_the_token_or_comes_from_elsewhere_is_refused(head
 
 def test_a_thinned_line_keeps_its_extremes():
     y = np.random.default_rng(0).normal(size=60_000)
-    points = np.array(thinned(np.arange(y.size), y))
+    points = np.array(thin(np.arange(y.size), y))
     assert len(points) <= 2 * BINS
     assert (np.diff(points[:, 0]) > 0).all()
     assert points[:, 1].min() == y.min() and points[:, 1].max() == y.max()

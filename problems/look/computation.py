@@ -9,6 +9,7 @@ import numpy as np
 
 from ancf_casadi.decay.envelope import DampingCurve, LawCurve
 from ancf_casadi.estimation.comparison import LawComparison
+from ancf_casadi.exceptions import InputError
 from ancf_casadi.records.channel import Recording
 from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.records.processing import amplitude_spectrum
@@ -34,6 +35,7 @@ class DecayView:
     report: str
     curve: LawCurve  # frequency and damping ratio against amplitude, with bands
     windows: DampingCurve | None  # the same without a law; None if the record is too short
+    probabilities: dict[str, float]  # of the laws that were compared, by name; empty for one law
 
 
 @lru_cache(1)
@@ -69,12 +71,15 @@ def fit_chosen(choices: Choices) -> DecayView:
         isolated = isolate_mode(record, choices.band, release_time=release_time)
         record, release_time = isolated.record, isolated.mode.release_time
     laws = {"law": choices.law or "linear", "frequency_law": choices.frequency_law, "rest": choices.rest}
+    probabilities: dict[str, float] = {}
     result: DecayFit | LawComparison[DecayFit]
     if "auto" in laws.values():
+        if choices.robust:
+            raise InputError("compares sums of squares, which outliers decide; choose a law", "auto")
         result = compare_decay_laws(record, release_time=release_time, **comparison_arguments(**laws))  # type: ignore[arg-type]
-        fit = result.best
+        fit, probabilities = result.best, result.probabilities
     else:
         settings = {name: law or "constant" for name, law in laws.items()}
         result = fit = fit_decay(record, release_time=release_time, robust=choices.robust, **settings)  # type: ignore[call-overload]
     amplitudes = np.geomspace(*fit.amplitude_range, AMPLITUDES)
-    return DecayView(fit, result.report(), law_curve(result, amplitudes), measured_curve(fit))
+    return DecayView(fit, result.report(), law_curve(result, amplitudes), measured_curve(fit), probabilities)

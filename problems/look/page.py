@@ -119,6 +119,7 @@ class RecordView:
         for name, laws in LAWS_OF.items():
             default = "linear" if name == "law" else "constant, or auto if the law is"
             self._select(name, [*get_args(laws), "auto"], name.replace("_", " "), f"default: {default}")
+        self._probabilities = ui.column().classes("w-full gap-0").mark("probabilities")
         self._inputs["robust"] = ui.checkbox(
             "limit the influence of outliers", on_change=lambda event: self.choose(robust=event.value)
         )
@@ -233,6 +234,8 @@ class RecordView:
         self._report.text = view.report
         self._release.text = f"release at {fit.release_time:.6g} s: {fit.release_reason}"
         _show_notes(self._notes, fit.warnings)
+        ranking = sorted(view.probabilities.items(), key=lambda pair: -pair[1])
+        _show_notes(self._probabilities, [f"{100 * probability:.3g} %: {law}" for law, probability in ranking])
 
     @staticmethod
     def _set_options(chart: ui.echart, options: dict[str, Any]) -> None:

@@ -65,6 +65,14 @@ def test_page_and_study_give_the_same_numbers(tip, tmp_path, law):
     assert decay["damping_ratio_stderr"] == view.fit.standard_errors["damping_ratio"]
 
 
+def test_a_comparison_states_the_probabilities_of_the_laws_and_wants_no_robust_fit(tip):
+    view = fit_chosen(Choices(tip, law="auto", frequency_law="constant", rest="constant"))
+    assert view.probabilities["linear"] > 0.5 and sum(view.probabilities.values()) == pytest.approx(1.0)
+    assert not fit_chosen(Choices(tip)).probabilities
+    with pytest.raises(InputError, match="outliers"):
+        fit_chosen(Choices(tip, law="auto", robust=True))
+
+
 def test_a_band_is_fitted_as_by_the_command(tip):
     assert fit_chosen(Choices(tip, band=(1.0, 3.0))).fit.frequency == pytest.approx(12.3 / 2 / np.pi, rel=1e-3)
     with pytest.raises(InputError):

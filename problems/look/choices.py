@@ -8,9 +8,6 @@ from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
 
-from problems.study.kinds.decays import decay_records
-from problems.study.reading import read_study
-
 DECAY_KEYS = ("time", "time_unit", "sample_rate", "column", "unit", "begin", "end", "release_time")  # of [[decays]]
 STEP_DEFAULTS = {"law": "linear", "rest": None}  # keys of the step of a study, with their defaults
 
@@ -40,6 +37,9 @@ class Choices:
         """Return the choices for a file of measurements, or those of the first decay of a study, a file ``.toml``."""
         if Path(file).suffix.lower() != ".toml":
             return Choices(file)
+        from problems.study.kinds.decays import decay_records  # these two are slow to import
+        from problems.study.reading import read_study
+
         study = read_study(file, ["decays"])
         record, *_ = decay_records(study.file).values()
         keys = {key: value for key, value in record.set_fields().items() if value == value}  # not nan, the default

@@ -18,7 +18,6 @@ from nicegui import events, ui
 from ancf_casadi.decay.phase import FrequencyLaw
 from ancf_casadi.decay.rest_position import Rest
 from ancf_casadi.exceptions import AncfError
-from ancf_casadi.figures.files import figure_bytes
 from ancf_casadi.records.channel import Recording, is_counter, is_time
 from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.records.sensor import Quantity
@@ -244,6 +243,8 @@ class RecordView:
         _redraw(chart)
 
     async def _save_figure(self) -> None:
+        from ancf_casadi.figures.files import figure_bytes  # matplotlib is slow to import
+
         if (view := self._view) is not None:
             picture = await asyncio.to_thread(lambda: figure_bytes(view.fit.figure(), ".png"))
             ui.download.content(picture, "fit.png")

@@ -234,7 +234,7 @@ class RecordView:
         self._release.text = f"release at {fit.release_time:.6g} s: {fit.release_reason}"
         _show_notes(self._notes, fit.warnings)
         ranking = sorted(view.probabilities.items(), key=lambda pair: -pair[1])
-        _show_notes(self._probabilities, [f"{100 * probability:.3g} %: {law}" for law, probability in ranking])
+        _show_notes(self._probabilities, [f"{100 * probability:.1f} %: {law}" for law, probability in ranking])
 
     @staticmethod
     def _set_options(chart: ui.echart, options: dict[str, Any]) -> None:

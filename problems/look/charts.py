@@ -105,8 +105,8 @@ def thin(x: Array, y: Array) -> list[list[float]]:
     if len(x) > 4 * BINS:
         edges = np.linspace(0, len(x), BINS + 1).astype(int)[:-1]
         bins = np.split(np.arange(len(x)), edges[1:])
-        kept = np.unique([k for part in bins for k in (part[y[part].argmin()], part[y[part].argmax()])])
-        x, y = x[kept], y[kept]
+        extremes = np.unique([k for part in bins for k in (part[y[part].argmin()], part[y[part].argmax()])])
+        x, y = x[extremes], y[extremes]
     return np.column_stack([x, y]).tolist()  # type: ignore[no-any-return]
 
 

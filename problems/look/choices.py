@@ -1,4 +1,4 @@
-"""What a user has chosen on the page: options of ``fit-decay``, as that command and as a study."""
+"""Options of ``fit-decay`` that the user has chosen on the page; the command line and the study with the same fit."""
 
 from __future__ import annotations
 

@@ -1,7 +1,11 @@
-"""The record and the fit that belong to what a user has chosen, by the public functions."""
+"""The record and the fit that belong to what a user has chosen, by the public functions.
+
+One thread, ``WORKER``, does this work, so that nothing is computed twice at the same time.
+"""
 
 from __future__ import annotations
 
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -24,6 +28,7 @@ from problems.decay.mode_separation import isolate_mode
 from problems.decay.result import DecayFit
 from problems.look.choices import Choices
 
+WORKER = ThreadPoolExecutor(1)
 AMPLITUDES = 60  # at which the page shows frequency and damping ratio
 
 

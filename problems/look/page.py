@@ -7,10 +7,10 @@ came in the meantime.  Errors appear beside what caused them.
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, get_args
+from typing import Any, TypeVar, get_args
 
 import numpy as np
 from nicegui import events, ui
@@ -31,8 +31,10 @@ from problems.look.charts import (
     spectrum_chart,
 )
 from problems.look.choices import Choices
-from problems.look.computation import DecayView, fit_chosen, recording, spectrum, whole_record
+from problems.look.computation import WORKER, DecayView, fit_chosen, recording, spectrum, whole_record
 from problems.study.formatting import shown
+
+T = TypeVar("T")
 
 BRUSHING = "{type: 'takeGlobalCursor', key: 'brush', brushOption: {brushType: 'lineX', brushMode: 'single'}}"
 DIGITS = 6  # of a time or a frequency that is chosen in a chart
@@ -180,16 +182,16 @@ class RecordView:
         """Read what is chosen, fit it, and show both."""
         self._show_choices(choices)
         try:
-            self._show_columns(await asyncio.to_thread(recording, choices))
             if self._reading_changed:
-                self._show_record(await asyncio.to_thread(whole_record, choices))
+                self._show_columns(await _work(recording, choices))
+                self._show_record(await _work(whole_record, choices))
                 self._reading_changed = False
         except AncfError as error:
             self._reading_error.text = str(error)
             return
         self._reading_error.text = ""
         try:
-            view = await asyncio.to_thread(fit_chosen, choices)
+            view = await _work(fit_chosen, choices)
         except AncfError as error:
             self._view, self._fit_error.text, self._summary.text = None, str(error), ""
             forget_fit(self._record_chart.options)
@@ -246,8 +248,13 @@ class RecordView:
         from ancf_casadi.figures.files import figure_bytes  # matplotlib is slow to import
 
         if (view := self._view) is not None:
-            picture = await asyncio.to_thread(lambda: figure_bytes(view.fit.figure(), ".png"))
+            picture = await _work(lambda: figure_bytes(view.fit.figure(), ".png"))
             ui.download.content(picture, "fit.png")
+
+
+async def _work(function: Callable[..., T], *arguments: Any) -> T:
+    """Return the result of a function that the thread of all computations calls."""
+    return await asyncio.get_running_loop().run_in_executor(WORKER, function, *arguments)
 
 
 def _show_notes(column: ui.column, notes: Sequence[str]) -> None:

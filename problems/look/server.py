@@ -13,7 +13,6 @@ import hmac
 import secrets
 import socket
 import tempfile
-import threading
 import webbrowser
 from collections.abc import Awaitable, Callable, MutableMapping
 from http.cookies import CookieError, SimpleCookie
@@ -21,9 +20,8 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import parse_qs
 
-from ancf_casadi.exceptions import AncfError
 from problems.look.choices import Choices
-from problems.look.computation import fit_chosen
+from problems.look.computation import WORKER, fit_chosen
 from problems.look.page import build_page
 
 HOST = "127.0.0.1"
@@ -90,12 +88,6 @@ async def _wait_until_answered(port: int) -> None:
         await asyncio.sleep(0.05)
 
 
-def _fit_first(file: str) -> None:
-    """Fit a file by default, so that the page finds the result."""
-    with contextlib.suppress(AncfError):  # which the page will show
-        fit_chosen(Choices.of(file))
-
-
 def serve(file: str | None, *, open_browser: bool) -> None:
     """Serve the page until it closes; print its address, and open it in the browser if wanted."""
     from nicegui import Client, app, ui  # slow to import
@@ -123,8 +115,8 @@ def serve(file: str | None, *, open_browser: bool) -> None:
         if not any(client.has_socket_connection for client in Client.instances.values()):
             app.shutdown()
 
-    if file is not None:  # while the browser starts
-        threading.Thread(target=_fit_first, args=(file,), daemon=True).start()
+    if file is not None:  # while the browser starts, so that the page finds the result
+        WORKER.submit(lambda: fit_chosen(Choices.of(file)))
     app.on_startup(announce)
     app.on_disconnect(lambda: app.timer(SECONDS_TO_RETURN, end_if_closed, once=True))
     settings: Any = {"show": False, "reload": False, "show_welcome_message": False, "dark": None}

@@ -42,7 +42,7 @@ from ancf_casadi.mechanics.model import Model
 from ancf_casadi.mechanics.state import State
 from ancf_casadi.support.compilation import compile_together
 from ancf_casadi.support.inputs import check_instance, choice, flag, physical, positive_or_infinite, whole
-from ancf_casadi.support.interrupts import noted_interrupts
+from ancf_casadi.support.interrupts import has_interrupt, noted_interrupts
 from ancf_casadi.vibration.equilibrium import Equilibrium
 
 Method = Literal["auto", "idas", "radau"]
@@ -148,7 +148,7 @@ def simulate(
     tolerance = None if tolerance is None else physical(tolerance, "tolerance")
     largest_step, most_steps = positive_or_infinite(largest_step, "largest_step"), whole(most_steps, "most_steps", 1)
     hidden = not flag(progress, "progress")
-    with noted_interrupts() as interrupts, bends_allowed():  # of which the motion tells below
+    with noted_interrupts(), bends_allowed():  # of which the motion tells below
         setup = set_up(
             model,
             duration=duration,
@@ -170,7 +170,7 @@ def simulate(
                 for solution in _integrate(setup, use, largest_step, options or {}):
                     done.append(solution)
                     _check_steps(done, most_steps, used)
-                    if interrupts:
+                    if has_interrupt():
                         interrupted = True
                         break
                     bar.update(min(solution.segment.length, length - bar.n))

@@ -58,6 +58,19 @@ class Fitted:
         return np.nan_to_num(self.fit.errors_of(self.fit.jacobian[self.rows] / self.scale))
 
 
+@dataclass(frozen=True, eq=False)
+class Computed:
+    """Residuals of a block for values of the unknowns that are no estimates, such as their guesses."""
+
+    values: Mapping[str, float]  # by name
+    residuals: Array  # (m,), in standard deviations
+
+    @property
+    def errors(self) -> Array:
+        """Standard errors (m,) of the computed values, which are unknown."""
+        return np.full(len(self.residuals), math.nan)
+
+
 @dataclass(frozen=True)
 class Account:
     """Lines, warnings and data of one block for the result."""
@@ -251,7 +264,7 @@ class Block(ABC):
         """Return what a result says of the block."""
 
     @abstractmethod
-    def channels(self, fitted: Fitted) -> Sequence[PredictedChannel]:
+    def channels(self, fitted: Fitted | Computed) -> Sequence[PredictedChannel]:
         """Return measured and computed values."""
 
     def predict_record(self, fit: Fit, kind: str) -> RecordPrediction:

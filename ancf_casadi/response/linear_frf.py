@@ -161,7 +161,7 @@ class LinearFrf(Reported):
                     for k in peaks.tolist()
                 ]
         columns = ("response / load", "frequency_Hz", f"amplitude, {self.unit}", "phase_deg")
-        ratios = _damping_ratios(self.modes, self.damping)
+        ratios = ratios_at_rest(self.modes, self.damping)
         pairs = zip(self.modes.frequencies.tolist(), ratios.tolist(), strict=True)
         modes = ", ".join(f"{frequency:.4g} Hz ({100 * ratio:.3g} %)" for frequency, ratio in pairs)
         title = f"Peaks of the {self.kind.replace('-', ' ')} at {len(self.frequencies)} frequencies"
@@ -306,7 +306,7 @@ def _check_frequencies(value: ArrayLike) -> Array:
 def _default_frequencies(modes: Modes, law: DampingLaw) -> Array:
     """Return frequencies that cover the resonances of the modes, dense where the response changes fast."""
     f = modes.frequencies
-    ratios = np.clip(_damping_ratios(modes, law), 1e-4, 0.1)
+    ratios = np.clip(ratios_at_rest(modes, law), 1e-4, 0.1)
     grid = np.geomspace(FREQUENCY_SPAN[0] * f[0], FREQUENCY_SPAN[1] * f[-1], 400)
     offsets = HALF_WIDTHS * np.sinh(np.linspace(-4.0, 4.0, 61)) / np.sinh(4.0)
     near_resonances = f[:, None] * (1 + ratios[:, None] * offsets)
@@ -319,7 +319,7 @@ def _without_rigid_modes(modes: Modes) -> Modes:
     return Modes(modes.equilibrium, modes.frequencies[flexible], modes.shapes[:, flexible])
 
 
-def _damping_ratios(modes: Modes, law: DampingLaw) -> Array:
+def ratios_at_rest(modes: Modes, law: DampingLaw) -> Array:
     """Return the damping ratios of very small motion due to the law and the dashpots of the beam, (m,)."""
     model, shapes = modes.model, modes.shapes
     dashpot_damping = (shapes * model.dashpot_force(shapes, model.properties).full()).sum(axis=0)

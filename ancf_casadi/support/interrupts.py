@@ -4,6 +4,8 @@ A signal that raises an exception inside a CasADi call appears as a failure of t
 swallows the exception even while it converts an array.  There are two remedies.  During a long call, the signal is
 noted and handled afterwards; a Python function that the library calls can check ``has_interrupt`` and stop early.
 Around work of many calls, the exception is raised repeatedly until the work ends.
+
+Signals reach the main thread alone.  An event stops the work of another thread (``stoppable``) at the same places.
 """
 
 from __future__ import annotations
@@ -15,6 +17,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
+from contextvars import ContextVar
 from typing import Any
 
 ENDING = tuple(getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name))
@@ -22,6 +25,19 @@ ENDING = tuple(getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP")
 REPEAT = 0.2  # interval at which Ctrl-C is raised again, s
 
 _noted: list[list[int]] = []  # signals noted in each open context, the innermost last; main thread only
+_stop: ContextVar[threading.Event | None] = ContextVar("stop", default=None)
+
+
+@contextlib.contextmanager
+def stoppable(stop: threading.Event) -> Iterator[None]:
+    """Raise ``KeyboardInterrupt`` in the work of this thread once an event is set, in place of any error or result."""
+    token = _stop.set(stop)
+    try:
+        yield
+    finally:
+        _stop.reset(token)
+        if stop.is_set() and not isinstance(sys.exception(), KeyboardInterrupt):
+            raise KeyboardInterrupt from None
 
 
 @contextlib.contextmanager
@@ -78,13 +94,19 @@ def delayed_interrupts() -> Iterator[None]:
         try:
             yield
         finally:
-            if noted:
+            if noted or _is_stopped():
                 raise KeyboardInterrupt from None
 
 
 def has_interrupt() -> bool:
-    """Return whether a Ctrl-C was noted in an open context; the running work should then stop."""
-    return any(_noted)
+    """Return whether a Ctrl-C was noted in an open context, or an event stops this thread; its work should stop."""
+    return any(_noted) or _is_stopped()
+
+
+def _is_stopped() -> bool:
+    """Return whether an event stops the work of this thread."""
+    stop = _stop.get()
+    return stop is not None and stop.is_set()
 
 
 def _handlers(wanted: Callable[[Any], bool]) -> dict[int, Any]:

@@ -1,4 +1,4 @@
-"""Progress on a terminal of work of unknown length, such as a fit.
+"""Progress of work of unknown length, such as a fit, on a terminal or elsewhere.
 
 The caller opens a counter; each step that takes noticeable time calls ``count_step``.  Without an open counter, or if
 standard error is not a terminal, nothing is shown.
@@ -7,16 +7,16 @@ standard error is not a terminal, nothing is shown.
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextvars import ContextVar
-from typing import NoReturn
 
 from tqdm import tqdm
 
 LINE = "{desc}: {n} steps, {elapsed}, {rate_noinv_fmt}"
+UNIT = " steps"
 BAR_DELAY = 0.2  # s before the counter appears
 
-_open: ContextVar[tqdm[NoReturn] | None] = ContextVar("counter", default=None)
+_open: ContextVar[Callable[[], object] | None] = ContextVar("counter", default=None)  # called at each step
 
 
 @contextlib.contextmanager
@@ -25,16 +25,28 @@ def counter(title: str, *, shown: bool = True) -> Iterator[None]:
     if not shown or _open.get() is not None:
         yield
         return
-    with tqdm(desc=title, unit=" steps", disable=None, delay=BAR_DELAY, leave=False, bar_format=LINE) as bar:
-        token = _open.set(bar)
-        try:
+    with tqdm(desc=title, unit=UNIT, disable=None, delay=BAR_DELAY, leave=False, bar_format=LINE) as bar:
+        with counted(bar.update):
             yield
-        finally:
-            _open.reset(token)
+
+
+@contextlib.contextmanager
+def counted(call: Callable[[], object]) -> Iterator[None]:
+    """Call a function at each step, in place of a counter on a terminal."""
+    token = _open.set(call)
+    try:
+        yield
+    finally:
+        _open.reset(token)
+
+
+def progress_line(title: str, steps: int, seconds: float) -> str:
+    """Return what a terminal shows after a number of steps and a time."""
+    return tqdm.format_meter(steps, 0, seconds, prefix=title, unit=UNIT, bar_format=LINE)
 
 
 def count_step() -> None:
     """Count one step."""
-    bar = _open.get()
-    if bar is not None:
-        bar.update()
+    call = _open.get()
+    if call is not None:
+        call()

@@ -33,6 +33,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor
+from dataclasses import dataclass
 from functools import partial
 from types import NoneType
 from typing import Any
@@ -41,12 +42,13 @@ import numpy as np
 
 from ancf_casadi.damping import DampingLaw
 from ancf_casadi.damping.law import SumOfLaws
-from ancf_casadi.estimation.block import Block
+from ancf_casadi.estimation.block import Block, Computed
 from ancf_casadi.estimation.comparison import LawComparison
+from ancf_casadi.estimation.prediction import PredictedChannel, RecordPrediction
 from ancf_casadi.estimation.problem import FitProblem
 from ancf_casadi.estimation.solve import solve
-from ancf_casadi.estimation.solver.unknown import Priors
-from ancf_casadi.exceptions import InputError
+from ancf_casadi.estimation.solver.unknown import Priors, Unknown
+from ancf_casadi.exceptions import FitError, InputError
 from ancf_casadi.mechanics.mesh_limits import bends_allowed
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.records.measurement import Measurement
@@ -194,6 +196,38 @@ def fit_beam(
     again = partial(fit_beam, model, damping=damping, **settings)
     law = damping or SumOfLaws(())
     return BeamFit(solution.fit, solution, given=start_model, guess=law, first=first, again=again)
+
+
+@dataclass(frozen=True)
+class Guesses:
+    """The unknowns of a fit of a beam before it, and what their guesses give for its records."""
+
+    unknowns: tuple[Unknown, ...]
+    records: RecordPrediction
+
+
+@lasting_interrupts()
+def compute_guesses(model: Model, records: Any, damping: DampingLaw | None = None, **settings: Any) -> Guesses:
+    """Compute the records from the guesses with which ``fit_beam`` would begin, whose arguments these are.
+
+    Raises
+    ------
+    InputError, EquilibriumError
+        As in ``fit_beam``.
+    FitError
+        If the values of a record cannot be computed.
+    """
+    with bends_allowed():
+        problem, *_ = beam_problem(model, records, damping, **settings)
+        guesses = {unknown.name: unknown.guess for unknown in problem.unknowns}
+        channels: list[PredictedChannel] = []
+        for block in problem.blocks:
+            computed = Computed(guesses, block.residuals_at(guesses))
+            if block.failure:
+                raise FitError(f"the record cannot be computed from the guesses: {block.failure}")
+            channels += block.channels(computed)
+            block.close()
+    return Guesses(problem.unknowns, RecordPrediction("beam", tuple(channels)))
 
 
 def beam_problem(

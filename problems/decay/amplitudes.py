@@ -27,7 +27,7 @@ import casadi as cs
 import numpy as np
 
 from ancf_casadi.decay.first_guess import DecayGuess
-from ancf_casadi.estimation.block import Account, Block, Fitted
+from ancf_casadi.estimation.block import Account, Block, Computed, Fitted
 from ancf_casadi.estimation.fit import Quantities
 from ancf_casadi.estimation.intervals import derived_intervals
 from ancf_casadi.estimation.noise.proportional import proportional_variance
@@ -124,7 +124,7 @@ class AmplitudeBlock(Block):
         line = f"noise of the amplitudes: {first} of the first, {last} of the last, {self.noise}"
         return Account((line,), data={"noise": self.noise, "deviations": self.deviations[[0, -1]].tolist()})
 
-    def channels(self, fitted: Fitted) -> Sequence[PredictedChannel]:
+    def channels(self, fitted: Fitted | Computed) -> Sequence[PredictedChannel]:
         """Return measured and fitted amplitudes."""
         values, unit = self.amplitudes(fitted.residuals), self.record.sensor.unit
         errors = fitted.errors * self.deviations

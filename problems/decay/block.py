@@ -23,7 +23,7 @@ import numpy as np
 from ancf_casadi.decay.smooth import SmoothTerms, smooth_steps
 from ancf_casadi.decay.spectrum import oscillating_power
 from ancf_casadi.estimation.agreement import allowing_for_errors, allowing_for_later_starts
-from ancf_casadi.estimation.block import Account, Block, Fitted, SeriesWeights, alike
+from ancf_casadi.estimation.block import Account, Block, Computed, Fitted, SeriesWeights, alike
 from ancf_casadi.estimation.fit import Fit
 from ancf_casadi.estimation.prediction import TIME_AXIS, PredictedChannel
 from ancf_casadi.support.arrays import Array, Mask, root_mean_square
@@ -160,7 +160,7 @@ class DecayBlock(Block):
             data.append({"record": label, "samples": samples, "residual_rms": residual_rms, "unit": unit})
         return Account(lines, notes, {"kind": "decay", "records": data})
 
-    def channels(self, fitted: Fitted) -> list[PredictedChannel]:
+    def channels(self, fitted: Fitted | Computed) -> list[PredictedChannel]:
         """Return measured and computed decays."""
         residuals, errors = self.weights.split(fitted.residuals), self.weights.split(fitted.errors)
         records, deviations = [decay.fitted for decay in self.decays], self.weights.deviations.tolist()
@@ -222,7 +222,7 @@ class SmoothnessBlock(Block):
         """Return an empty account: all smooth laws have this prior, and results do not mention it."""
         return Account()
 
-    def channels(self, fitted: Fitted) -> list[PredictedChannel]:
+    def channels(self, fitted: Fitted | Computed) -> list[PredictedChannel]:
         """Return no channels: nothing was measured."""
         return []
 

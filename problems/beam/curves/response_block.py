@@ -47,7 +47,7 @@ from typing import Any, Self
 import casadi as cs
 import numpy as np
 
-from ancf_casadi.estimation.block import Account, Block, Fitted, SeriesWeights, alike
+from ancf_casadi.estimation.block import Account, Block, Computed, Fitted, SeriesWeights, alike
 from ancf_casadi.estimation.fit import Fit
 from ancf_casadi.estimation.prediction import PredictedChannel, RecordPrediction
 from ancf_casadi.exceptions import FitError, NumericsError
@@ -150,7 +150,7 @@ class ResponseBlock(Block):
         """Return the block with the factors of the root mean square of residuals, also in a robust fit."""
         return super().reweight(residuals, robust=False)
 
-    def channels(self, fitted: Fitted) -> list[PredictedChannel]:
+    def channels(self, fitted: Fitted | Computed) -> list[PredictedChannel]:
         """Return computed amplitudes, and phases if they were measured, without standard errors."""
         channels = []
         for record, (motion_values, _) in zip(self.records, self.motions(fitted.values), strict=True):

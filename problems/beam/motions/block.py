@@ -32,7 +32,7 @@ from ancf_casadi.dynamics.derivatives.tangent import MotionRun
 from ancf_casadi.dynamics.equations import Equations
 from ancf_casadi.dynamics.placed_load import LOAD_SIZE
 from ancf_casadi.dynamics.tip_load import TipLoad
-from ancf_casadi.estimation.block import Account, Block, Fitted, SeriesWeights
+from ancf_casadi.estimation.block import Account, Block, Computed, Fitted, SeriesWeights
 from ancf_casadi.estimation.fit import Fit
 from ancf_casadi.estimation.prediction import TIME_AXIS, PredictedChannel, RecordPrediction
 from ancf_casadi.estimation.refinement import DOUBTS, LARGEST_SHIFT
@@ -260,7 +260,7 @@ class MotionBlock(Block):
         numbered = tuple((number, split_record(record, self.model, fine)) for number, record in self.numbered)
         return replace(self, model=fine, numbered=numbered, damping=split_law(self.damping), before=None)
 
-    def channels(self, fitted: Fitted) -> list[PredictedChannel]:
+    def channels(self, fitted: Fitted | Computed) -> list[PredictedChannel]:
         """Return measured and computed readings of each channel."""
         residuals, errors = (self.weights.split(standardised) for standardised in (fitted.residuals, fitted.errors))
         of_records = zip(record_titles(self.numbered), self.records, strict=True)

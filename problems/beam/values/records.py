@@ -22,7 +22,7 @@ import casadi as cs
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ancf_casadi.estimation.block import Account, Block, Fitted
+from ancf_casadi.estimation.block import Account, Block, Computed, Fitted
 from ancf_casadi.estimation.prediction import PredictedChannel
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.loads import PointLoad
@@ -410,7 +410,7 @@ class ValueBlock(Block):
         """Return the same values with each element in two halves."""
         return replace(self, record=self.record.with_model(split_model(self.record.model)))
 
-    def channels(self, fitted: Fitted) -> list[PredictedChannel]:
+    def channels(self, fitted: Fitted | Computed) -> list[PredictedChannel]:
         """Return measured and computed values, a channel for each quantity."""
         record, residuals = self.record, fitted.residuals * self.record.scatter
         errors, labels = fitted.errors * record.scatter, np.array(record.labels)

@@ -17,9 +17,10 @@ from msgspec import UNSET, Meta, UnsetType
 
 from ancf_casadi.damping import DampingLaw
 from ancf_casadi.dynamics.base_motion import FixedBase, HarmonicBase, SampledBase, SweepBase
-from ancf_casadi.dynamics.simulation import Method
+from ancf_casadi.dynamics.simulation import Method, simulate
 from ancf_casadi.dynamics.start import Start
 from ancf_casadi.dynamics.tip_load import HarmonicLoad, MovingForce, SampledLoad
+from ancf_casadi.dynamics.trajectory import Trajectory
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.records.measurement import Measurement
@@ -173,6 +174,13 @@ def _release(file: StudyFile, table: Any, where: str) -> Maker:
     return start
 
 
+def start_shape(file: StudyFile, model: Model) -> Equilibrium:
+    """Return the equilibrium before time 0, under gravity and the table [release], if there is one."""
+    table, where = file.tables.get("release"), file.where("release")
+    equilibrium: Equilibrium = static_equilibrium(model) if table is None else _release(file, table, where)(model)
+    return equilibrium
+
+
 def _read_samples(
     file: StudyFile, table: Any, kind: Any, columns: type[Spec], quantities: tuple[Quantity, ...], where: str
 ) -> Maker:
@@ -234,6 +242,11 @@ class SimulationTables(StepTables):
     def arguments(self) -> dict[str, Any]:
         """All arguments of ``simulate``."""
         return {"model": self.model, "damping": self.damping, **self.settings, **self.excitation}
+
+    def simulate(self) -> Trajectory:
+        """Return the motion."""
+        with error_prefix(self.file.where("simulation")):
+            return simulate(**self.arguments)
 
 
 def _check_size(settings: Mapping[str, Any], model: Model, where: str) -> None:

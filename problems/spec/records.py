@@ -33,7 +33,9 @@ from ancf_casadi.support.inputs import check_keys, error_prefix, whole
 from ancf_casadi.support.specs import Pair, Positive, Spec, convert, table_keys
 from problems.beam.curves.reading import ExcitationUnit
 from problems.beam.curves.record import Control, ResponseRecord, Sweep
+from problems.beam.fitting import Guesses, compute_guesses, fit_beam
 from problems.beam.motions.record import Camera, Channel, MotionRecord
+from problems.beam.result import BeamFit
 from problems.beam.values.records import FrequencyRecord, StaticRecord
 from problems.spec.beam import DampedBeam
 from problems.spec.file import StudyFile, convert_groups
@@ -296,6 +298,16 @@ class Measurements(StepTables):
     def predictions(self) -> tuple[Record, ...]:
         """Measurements to predict, not to fit."""
         return tuple(make() for make in self.predicted)
+
+    def fit(self) -> BeamFit:
+        """Return the fit."""
+        with error_prefix(self.file.where("fit")):
+            return fit_beam(self.model, self.records, self.damping, **self.settings)
+
+    def guesses(self) -> Guesses:
+        """Return the unknowns of the fit, and what their guesses give for the measurements."""
+        with error_prefix(self.file.where("fit")):
+            return compute_guesses(self.model, self.records, self.damping, **self.settings)
 
 
 def _frequencies(file: StudyFile, table: Any, model: Model, where: str) -> Callable[[], Record]:

@@ -15,7 +15,6 @@ from typing import Annotated, Any, ClassVar, Self, final
 import numpy as np
 from msgspec import Meta
 
-from ancf_casadi.dynamics.simulation import simulate
 from ancf_casadi.dynamics.trajectory import Trajectory
 from ancf_casadi.exceptions import InputError, NumericsError
 from ancf_casadi.export.identification import Identification
@@ -27,7 +26,7 @@ from ancf_casadi.support.inputs import error_prefix
 from ancf_casadi.support.specs import Positive
 from ancf_casadi.support.tables import Table, finite_or_none, to_json
 from ancf_casadi.vibration.modes import natural_modes
-from problems.beam.fitting import compare_laws, fit_beam
+from problems.beam.fitting import compare_laws
 from problems.beam.properties import property_value
 from problems.beam.result import BeamFit
 from problems.beam.values.records import FrequencyRecord
@@ -71,8 +70,7 @@ def simulation_finding(
 ) -> Finding:
     """Simulate the motion of a study file: range and energies, and the figure of the motion."""
     tables = SimulationTables.of(file).read()
-    with error_prefix(file.where("simulation")):
-        run = simulate(**tables.arguments)
+    run = tables.simulate()
     data: dict[str, Any] = {
         "tip_position_range_m": np.ptp(run.tip, axis=0).tolist(),
         "dissipated_energy_j": float(run.dissipated_energy[-1]),
@@ -133,8 +131,7 @@ def _positions(run: Trajectory, markers: Mapping[str, float]) -> Table:
 def fit_finding(file: StudyFile, formats: tuple[str, ...]) -> Finding:
     """Fit the motion in the files of a study: estimates, predictions and their figures."""
     read = Measurements.of(file).read()
-    with error_prefix(file.where("fit")):
-        fit = fit_beam(read.model, read.records, read.damping, **read.settings)
+    fit = read.fit()
     fitted = Finding.of(fit, "Measured motion (dots), fitted motion (lines), and residuals.", formats)
     predictions = []
     for k, record in enumerate(read.predictions, start=1):

@@ -15,7 +15,7 @@ def add_look(parser: argparse.ArgumentParser) -> None:
         "file",
         nargs="?",
         metavar="FILE",
-        help="file of measurements, or study with [[decays]]; files may also be dropped there",
+        help="file of measurements, or study with [beam] or [[decays]]; files may also be dropped there",
     )
     about = "do not open the page in a browser, only print its address"
     parser.add_argument("--no-browser", action="store_true", help=about)
@@ -23,9 +23,10 @@ def add_look(parser: argparse.ArgumentParser) -> None:
 
 def run_look(options: argparse.Namespace) -> Output:
     """Serve the page until it closes."""
-    from problems.look.choices import Choices  # these two are slow to import
+    from problems.look.choices import Choices  # these three are slow to import
+    from problems.spec.editing import has_beam
 
-    if options.file is not None:
+    if options.file is not None and not has_beam(options.file):
         with open_file(Choices.of(options.file).file):
             pass
     library("nicegui", "shows the page")

@@ -22,6 +22,7 @@ from ancf_casadi.records.channel import Recording, is_counter, is_time
 from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.records.sensor import Quantity
 from problems.decay.laws import Law
+from problems.look.beam import BeamView
 from problems.look.charts import (
     amplitude_chart,
     forget_fit,
@@ -32,6 +33,7 @@ from problems.look.charts import (
 )
 from problems.look.choices import Choices
 from problems.look.computation import WORKER, DecayView, fit_chosen, recording, spectrum, whole_record
+from problems.spec.editing import has_beam
 from problems.study.formatting import shown
 
 T = TypeVar("T")
@@ -54,7 +56,7 @@ def build_page(file: str | None, folder: Path) -> None:
         body.clear()
         with body:
             try:
-                view = RecordView(path)
+                view = BeamView(path) if has_beam(path) else RecordView(path)
             except AncfError as error:
                 ui.label(str(error)).classes("text-negative")
                 return

@@ -4,12 +4,8 @@ import asyncio
 import contextlib
 import http.client
 import json
-import os
 import re
 import shlex
-import shutil
-import subprocess
-import sys
 import time
 import urllib.parse
 from pathlib import Path
@@ -18,13 +14,11 @@ import numpy as np
 import pytest
 
 pytest.importorskip("nicegui")
-playwright = pytest.importorskip("playwright.sync_api")
 
-from problems.look.charts import BINS, thin  # noqa: E402
-from problems.look.server import Guard  # noqa: E402
+from problems.look.charts import BINS, thin
+from problems.look.server import Guard
+from tests.problems.look.conftest import in_browser, run, wait_for
 
-BROWSER = shutil.which("chromium") or shutil.which("google-chrome")
-in_browser = [pytest.mark.slow, pytest.mark.skipif(BROWSER is None, reason="no Chromium is installed")]
 TOKEN, ADDRESS = "secret", "127.0.0.1:1234"
 
 
@@ -77,38 +71,6 @@ def test_a_thinned_line_keeps_its_extremes():
     assert points[:, 1].min() == y.min() and points[:, 1].max() == y.max()
 
 
-@pytest.fixture
-def look():
-    """A function that serves a file, and returns the process and the address of its page."""
-    processes = []
-
-    def serve(*arguments):
-        command = [sys.executable, "-m", "problems.cli", "look", *map(str, arguments), "--no-browser"]
-        # NiceGUI serves its own tests otherwise
-        environment = {name: value for name, value in os.environ.items() if not name.startswith("PYTEST")}
-        process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=environment)
-        processes.append(process)
-        return process, re.search(r"http://\S+", process.stdout.readline())[0]
-
-    yield serve
-    for process in processes:
-        process.kill()
-        process.stdout.close()
-        process.wait()
-
-
-@pytest.fixture
-def page():
-    """A page of a browser that notes the hosts to which it sends requests."""
-    with playwright.sync_playwright() as running:
-        browser = running.chromium.launch(executable_path=BROWSER, args=["--no-sandbox"])
-        page = browser.new_page(viewport={"width": 1400, "height": 1400})
-        page.hosts = set()
-        page.on("request", lambda request: page.hosts.add(urllib.parse.urlsplit(request.url).netloc))
-        yield page
-        browser.close()
-
-
 def write_decay(path, samples=1601, header="t (s),tip (mm)"):
     time = np.linspace(0.0, 8.0, samples)
     y = 20.0 * np.exp(-0.25 * time) * np.cos(12.3 * time) + 0.05 * np.random.default_rng(0).normal(size=time.size)
@@ -116,10 +78,6 @@ def write_decay(path, samples=1601, header="t (s),tip (mm)"):
         path, np.column_stack([time, y, 2 * y][: header.count(",") + 1]), delimiter=",", header=header, comments=""
     )
     return path
-
-
-def wait_for(page, text):
-    page.wait_for_function("text => document.body.innerText.includes(text)", arg=text, timeout=30_000)
 
 
 def brush(page, begin, end, chart=0):
@@ -130,11 +88,6 @@ def brush(page, begin, end, chart=0):
     page.mouse.down()
     page.mouse.move(box["x"] + end * box["width"], y, steps=8)
     page.mouse.up()
-
-
-def run(*arguments):
-    command = [sys.executable, "-m", "problems.cli", *map(str, arguments)]
-    return subprocess.run(command, capture_output=True, text=True, check=True).stdout
 
 
 def command_line(page):
@@ -177,7 +130,7 @@ class TestInABrowser:
         process, url = look()
         page.goto(url)
         page.wait_for_selector("input[type=file]", state="attached")
-        page.set_input_files("input[type=file]", {"name": "none.toml", "mimeType": "text/plain", "buffer": b"[beam]"})
+        page.set_input_files("input[type=file]", {"name": "none.toml", "mimeType": "text/plain", "buffer": b"[study]"})
         wait_for(page, "decays")
         page.set_input_files("input[type=file]", write_decay(tmp_path / "two.csv", header="t (s),tip (mm),middle (mm)"))
         wait_for(page, "has 2 columns of values")

@@ -14,18 +14,22 @@ from typing import Any, TypeVar
 
 from nicegui import events, ui
 
-from ancf_casadi.estimation.prediction import PredictedChannel
 from ancf_casadi.estimation.solver.unknown import Unknown
 from ancf_casadi.exceptions import AncfError
-from problems.beam.fitting import Guesses
-from problems.beam.result import BeamFit
-from problems.look.beam_charts import channel_chart, difference_chart, mode_chart, tip_chart
-from problems.look.beam_computation import BeamAtRest, Work, beam_at_rest, computed_motion, fit_study, has_records
+from problems.look.beam_computation import (
+    BeamAtRest,
+    MotionView,
+    Work,
+    beam_at_rest,
+    computed_motion,
+    fit_study,
+    has_records,
+)
+from problems.look.charts import Options
 from problems.look.computation import WORKER
 from problems.look.form import Form
 from problems.look.widgets import report_label, set_options, show_notes
 from problems.spec.editing import EditedStudy, Place
-from problems.study.formatting import shown
 
 DECADES = 1.0  # that a slider spans to either side of the first guess
 RESOLUTION = 1e-3  # of a slider
@@ -42,10 +46,9 @@ class BeamView:
         self._works: list[Work] = []  # that the thread of all computations has yet to finish
         self._fitting = False
         self._task: asyncio.Task[None] | None = None
-        self._rest: BeamAtRest | None = None
-        self._mode = 0
-        self._sliders: dict[str, tuple[ui.label, ui.slider, float]] = {}
-        self._guesses: dict[str, float] = {}  # those of the study that is shown
+        self._mode = 1
+        self._charts: Sequence[Options] = ()  # of the modes
+        self._sliders: dict[str, Callable[[Unknown], None]] = {}  # each shows a guess
         ui.context.client.on_disconnect(self._stop)
         with ui.grid(columns="18rem minmax(0, 1fr)").classes("w-full"):
             with ui.column():
@@ -66,10 +69,10 @@ class BeamView:
             await self._update(study)
         self._busy.set_visibility(False)
 
-    def choose(self, change: Callable[[EditedStudy], EditedStudy | None]) -> None:
-        """Change the study, unless the change is None, and compute anew."""
+    def choose(self, change: Callable[[EditedStudy], EditedStudy]) -> None:
+        """Change the study, and compute anew."""
         try:
-            self.study = change(self.study) or self.study
+            self.study = change(self.study)
         except AncfError as error:
             self._form_error.text = str(error)
             return
@@ -118,32 +121,18 @@ class BeamView:
         """Show a study, the beam at rest, and its motion."""
         self._text.content = study.text
         self._form.show(study)
-        self._show_fit(None)
         try:
-            rest = await self._compute(beam_at_rest, study)
+            if (rest := await self._compute(beam_at_rest, study)) is None:
+                return
         except AncfError as error:
             self._form_error.text = "" if self._form.show_error(str(error)) else str(error)
-            return
-        if rest is None:  # a change has stopped it
             return
         self._form_error.text = ""
         self._form.show_error("")
         self._show_rest(rest)
-        try:
-            motion = await self._compute(computed_motion, study)
-        except AncfError as error:
-            self._motion_error.text = str(error)
-            return
-        self._motion_error.text = ""
-        if isinstance(motion, Guesses):
-            self._show_unknowns(motion.unknowns)
-            self._show_channels("The record, and what the guesses give for it", motion.records.channels)
-        else:  # without records, or stopped
-            self._show_unknowns(())
-            self._show_channels("Simulated motion" if motion else "", ())
-            with self._motion:
-                if motion is not None:
-                    ui.echart(tip_chart(motion)).classes("w-full h-64")
+        motion = await self._show_motion(computed_motion, study)
+        if motion is not None:
+            self._show_sliders(motion.guesses)
 
     async def _compute(self, function: Callable[[EditedStudy], T], study: EditedStudy) -> T | None:
         """Return the result of a function for a study; None if it was stopped."""
@@ -159,22 +148,31 @@ class BeamView:
         for work in self._works:
             work.stop.set()
 
-    async def _fit(self) -> None:
-        """Fit the study that is shown, and show the result."""
-        if self._works:
-            return
-        study, self._fitting = self.study, True
-        self._show_fit(None)
+    async def _show_motion(
+        self, function: Callable[[EditedStudy], MotionView], study: EditedStudy
+    ) -> MotionView | None:
+        """Compute a motion, or fit it, and show it; return None if that has failed or was stopped."""
         try:
-            fit = await self._compute(fit_study, study)
+            motion = await self._compute(function, study)
+            self._motion_error.text = "" if motion else "stopped"
         except AncfError as error:
-            self._motion_error.text = str(error)
-        else:
-            self._motion_error.text = "" if fit else "the fit was stopped"
-            if fit is not None and study is self.study:
-                self._show_fit(fit)
-                self._show_channels("The record and its fit", fit.channels)
-        self._fitting = False
+            motion, self._motion_error.text = None, str(error)
+        if study is self.study and motion is not None:
+            self._motion_title.text, self._values.text = motion.title, motion.values
+            self._report.text = motion.report
+            show_notes(self._notes, motion.notes)
+            self._motion.clear()
+            with self._motion:
+                for chart in motion.charts:
+                    ui.echart(chart).classes("w-full h-52")
+        return motion
+
+    async def _fit(self) -> None:
+        """Fit the study that is shown."""
+        if not self._works:
+            self._fitting = True
+            await self._show_motion(fit_study, self.study)
+            self._fitting = False
 
     def _show_progress(self) -> None:
         """Show how far the fit is, and the buttons that have an effect."""
@@ -183,65 +181,48 @@ class BeamView:
         self._fit_button.set_visibility(has_records(self.study) and not self._works)
 
     def _show_rest(self, rest: BeamAtRest) -> None:
-        self._rest, self._mode = rest, min(self._mode, rest.modes.count - 1)
-        self._drawing.content = rest.drawing
-        columns = zip(rest.modes.frequencies.tolist(), (100.0 * rest.damping_ratios).tolist(), strict=True)
+        self._charts, self._drawing.content = rest.charts, rest.drawing
+        columns = zip(rest.frequencies.tolist(), (100.0 * rest.damping_ratios).tolist(), strict=True)
         self._modes.rows = [
             {"mode": k, "frequency": f"{frequency:.6g}", "ratio": f"{round(ratio, DIGITS):.4g}"}
             for k, (frequency, ratio) in enumerate(columns, start=1)
         ]
-        self._modes.selected = [self._modes.rows[self._mode]]
-        set_options(self._mode_chart, mode_chart(rest.modes, self._mode))
+        self._show_mode(min(self._mode, len(rest.charts)))
 
     def _choose_mode(self, event: events.TableSelectionEventArguments) -> None:
-        if event.selection and self._rest is not None:
-            self._mode = int(event.selection[0]["mode"]) - 1
-            set_options(self._mode_chart, mode_chart(self._rest.modes, self._mode))
+        self._show_mode(int((event.selection or [{"mode": self._mode}])[0]["mode"]))
 
-    def _show_unknowns(self, unknowns: Sequence[Unknown]) -> None:
-        """Show a slider for each unknown whose guess is a value of the study."""
-        self._guesses = {unknown.name: unknown.guess for unknown in unknowns if unknown.guess}
-        scaled = [name for name in self._guesses if self.study.with_guess(name, 1.0) is not None]
-        if scaled != [*self._sliders]:
+    def _show_mode(self, number: int) -> None:
+        self._mode, self._modes.selected = number, self._modes.rows[number - 1 : number]
+        set_options(self._mode_chart, self._charts[number - 1])
+
+    def _show_sliders(self, guesses: Sequence[tuple[Unknown, Place]]) -> None:
+        """Show a slider for each guess."""
+        if [unknown.name for unknown, _ in guesses] != [*self._sliders]:
             self._sliders.clear()
             self._unknowns.clear()
             with self._unknowns:
-                for name in scaled:
-                    self._sliders[name] = self._slider(name, self._guesses[name])
-        units = {unknown.name: unknown.unit for unknown in unknowns}
-        for name, (label, slider, first) in self._sliders.items():
-            slider.value = math.log10(self._guesses[name] / first)
-            label.text = f"{name} {self._guesses[name]:.6g} {units[name]}"
+                for unknown, place in guesses:
+                    self._sliders[unknown.name] = self._slider(unknown, place)
+        for unknown, _ in guesses:
+            self._sliders[unknown.name](unknown)
 
-    def _slider(self, name: str, first: float) -> tuple[ui.label, ui.slider, float]:
-        """Return a slider for the logarithm of a guess over its first value, with its label and that value."""
+    def _slider(self, unknown: Unknown, place: Place) -> Callable[[Unknown], None]:
+        """Build a slider for the logarithm of a guess over its first value, and return what shows a guess."""
+        guess = first = unknown.guess
 
         def choose() -> None:
-            value = first * 10.0**slider.value
-            if not math.isclose(value, self._guesses[name], rel_tol=RESOLUTION):
-                self.choose(lambda study: study.with_guess(name, value / self._guesses[name]))
+            factor = first * 10.0**slider.value / guess
+            if not math.isclose(factor, 1.0, rel_tol=RESOLUTION):
+                self.choose(lambda study: study.scaled(place, factor))
+
+        def show(unknown: Unknown) -> None:
+            nonlocal guess
+            guess = unknown.guess
+            slider.value = math.log10(guess / first)
+            label.text = f"{unknown.name} {guess:.6g} {unknown.unit}"
 
         with ui.column().classes("gap-0"):
             label = ui.label().classes("text-sm")
-            slider = ui.slider(min=-DECADES, max=DECADES, step=RESOLUTION, value=0.0).mark(f"slider-{name}")
-            slider.on("change", choose)
-        return label, slider, first
-
-    def _show_channels(self, title: str, channels: Sequence[PredictedChannel]) -> None:
-        self._motion_title.text = title
-        self._motion.clear()
-        with self._motion:
-            for channel in channels:
-                ui.echart(channel_chart(channel)).classes("w-full h-64")
-                ui.echart(difference_chart(channel)).classes("w-full h-44")
-
-    def _show_fit(self, fit: BeamFit | None) -> None:
-        """Show the values, the report and the notes of a fit, or take them away."""
-        names = fit.estimates if fit else ()
-        values = [
-            f"{name} {shown(fit.estimates[name], fit.standard_errors[name])} {fit.units[name]}".rstrip()
-            for name in names
-            if fit
-        ]
-        self._values.text, self._report.text = ", ".join(values), fit.report() if fit else ""
-        show_notes(self._notes, fit.warnings if fit else ())
+            slider = ui.slider(min=-DECADES, max=DECADES, step=RESOLUTION).on("change", choose)
+        return show

@@ -4,26 +4,27 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import TypeVar
 
-import numpy as np
-
-from ancf_casadi.dynamics.trajectory import Trajectory
+from ancf_casadi.damping.law import SumOfLaws
+from ancf_casadi.estimation.prediction import PredictedChannel
+from ancf_casadi.estimation.solver.unknown import Unknown
 from ancf_casadi.response.linear_frf import ratios_at_rest
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.inputs import error_prefix
 from ancf_casadi.support.interrupts import stoppable
 from ancf_casadi.support.progress import counted, progress_line
-from ancf_casadi.vibration.modes import Modes, natural_modes
-from problems.beam.fitting import Guesses
-from problems.beam.result import BeamFit
+from ancf_casadi.vibration.modes import natural_modes
+from problems.look.beam_charts import channel_charts, mode_chart, tip_chart
+from problems.look.charts import Options
 from problems.spec.beam import DampedBeam
-from problems.spec.editing import EditedStudy
+from problems.spec.editing import EditedStudy, Place, guess_places
 from problems.spec.motion import SimulationTables, start_shape
 from problems.spec.records import NUMBERS, Measurements
 from problems.study.drawing import render
+from problems.study.formatting import shown
 from problems.study.results import inline_svg
 
 T = TypeVar("T")
@@ -37,8 +38,21 @@ class BeamAtRest:
     """A beam under gravity and the load that holds it, and its small vibration under gravity."""
 
     drawing: str  # SVG
-    modes: Modes
+    frequencies: Array  # natural ones, Hz
     damping_ratios: Array  # of very small motion
+    charts: Sequence[Options]  # of the modes
+
+
+@dataclass(frozen=True, eq=False)
+class MotionView:
+    """The motion of a beam, as the page shows it: its records with what is computed for them, or a simulated one."""
+
+    title: str
+    charts: Sequence[Options]
+    guesses: Sequence[tuple[Unknown, Place]] = ()  # that stand in the study
+    values: str = ""  # of a fit, with standard errors
+    report: str = ""
+    notes: Sequence[str] = ()
 
 
 @dataclass(eq=False)
@@ -75,19 +89,36 @@ def beam_at_rest(study: EditedStudy) -> BeamAtRest:
     beam = DampedBeam.of(study.file)
     with error_prefix(study.file.where("beam")):
         modes = natural_modes(beam.model, count=min(MODES, beam.model.freedoms))
-    shape, law = start_shape(study.file, beam.model), beam.damping
-    ratios = np.zeros(modes.count) if law is None else ratios_at_rest(modes, law)
-    drawing = render("", shape.figure, ("svg",)).svg
-    return BeamAtRest(str(inline_svg(drawing, "beam", "the beam at rest")), modes, ratios)
+    law = beam.damping or SumOfLaws(())
+    drawing = render("", start_shape(study.file, beam.model).figure, ("svg",)).svg
+    return BeamAtRest(
+        str(inline_svg(drawing, "beam", "the beam at rest")),
+        modes.frequencies,
+        ratios_at_rest(modes, law),
+        [mode_chart(modes, k) for k in range(modes.count)],
+    )
 
 
-def computed_motion(study: EditedStudy) -> Guesses | Trajectory | None:
+def computed_motion(study: EditedStudy) -> MotionView:
     """Compute the records of a study from the guesses of its fit; without records, the motion of [simulation]."""
     if has_records(study):
-        return Measurements.of(study.file).read().guesses()
-    return SimulationTables.of(study.file).read().simulate() if "simulation" in study.file.tables else None
+        guesses = Measurements.of(study.file).read().guesses()
+        places = guess_places(study.file, [unknown.name for unknown in guesses.unknowns if unknown.guess])
+        known = [(unknown, places[unknown.name]) for unknown in guesses.unknowns if unknown.name in places]
+        return MotionView("The record, and what the guesses give for it", _charts(guesses.records.channels), known)
+    if "simulation" in study.file.tables:
+        return MotionView("Simulated motion", [tip_chart(SimulationTables.of(study.file).read().simulate())])
+    return MotionView("", ())
 
 
-def fit_study(study: EditedStudy) -> BeamFit:
+def fit_study(study: EditedStudy) -> MotionView:
     """Fit the records of a study, as its step ``motion`` does."""
-    return Measurements.of(study.file).read().fit()
+    fit = Measurements.of(study.file).read().fit()
+    errors, units = fit.standard_errors, fit.units
+    values = [f"{name} {shown(value, errors[name])} {units[name]}".rstrip() for name, value in fit.estimates.items()]
+    title, notes = "The record and its fit", fit.warnings
+    return MotionView(title, _charts(fit.channels), (), ", ".join(values), fit.report(), notes)
+
+
+def _charts(channels: Sequence[PredictedChannel]) -> list[Options]:
+    return [chart for channel in channels for chart in channel_charts(channel)]

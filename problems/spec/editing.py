@@ -1,15 +1,11 @@
-"""A study that is changed one value at a time: its TOML text keeps comments and order wherever it can.
-
-Where a value stands in the text is found by its line.  If the text that this gives does not hold the changed tables and
-nothing else, as after a value of several lines, all tables are written anew.
-"""
+"""A study that is changed one value at a time: its TOML text keeps its comments and the order of its lines."""
 
 from __future__ import annotations
 
 import json
 import re
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from copy import deepcopy
 from dataclasses import dataclass, replace
 from itertools import pairwise
@@ -23,11 +19,13 @@ from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.lumped import changed_properties
 from ancf_casadi.support.files import read_bytes, read_toml
 from ancf_casadi.support.inputs import is_sequence, shown
+from ancf_casadi.support.specs import value_place
 from problems.spec.beam import DampedBeam
 from problems.spec.file import StudyFile
 
 HEADER = re.compile(r"\s*\[\[?\s*([\w-]+)\s*\]\]?\s*(?:#.*)?$")
-Place = tuple[str | int, ...]  # of a value: its table, its number if there are several, from 0, and its key
+ENTRY = re.compile(r"\s*([\w-]+)\s*=")
+Place = tuple[str | int, ...]  # of a value: its table, its number if there are several, from 0, its key, and so on
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,9 +38,11 @@ class EditedStudy:
     @classmethod
     def of(cls, path: str) -> EditedStudy:
         """Read a study; one table [damping] becomes the first of several."""
-        study = cls(StudyFile.of(path, required=set()), read_bytes(path).decode())
-        law = study.file.tables.get("damping")
-        return study.with_value(("damping",), [law]) if isinstance(law, dict) else study
+        file, text = StudyFile.of(path, required=set()), read_bytes(path).decode()
+        if isinstance(law := file.tables.get("damping"), dict):
+            text = re.sub(r"^\s*\[\s*damping\s*\]", "[[damping]]", text, flags=re.MULTILINE)
+            file = replace(file, tables={**file.tables, "damping": [law]})
+        return cls(file, text)
 
     def value(self, place: Place) -> Any:
         """Return a value; None if there is none."""
@@ -50,44 +50,39 @@ class EditedStudy:
 
     def with_value(self, place: Place, value: Any) -> EditedStudy:
         """Return the study with another value; None removes it, and the number behind the last table adds a table."""
-        value = None if value is None else parse_value(toml_value(value))  # of the types that TOML has
         tables = with_item(self.file.tables, place, value)
-        text = _edit(self.text, place, value)
-        if not _holds(text, tables):
-            text = toml_text(tables)
+        tables = {name: table for name, table in tables.items() if table != [] or name != place[0]}
+        entry = place[: 3 if isinstance(place[1], int) else 2]  # that lines of the text hold
+        removed = value is None and entry == place
+        text = _with_lines(self.text, entry, None if removed else value_at(tables, entry))
+        if repr(_parse(text)) != repr(tables):  # nan differs from itself
+            where = value_place(self.file.where(str(place[0])), place[1:])
+            raise InputError(
+                "stands in the file where it cannot be changed; write it below the name of its table", where
+            )
         return EditedStudy(replace(self.file, tables=tables), text)
 
-    def with_guess(self, name: str, factor: float) -> EditedStudy | None:
-        """Return the study with the guess of an unknown of its fit times a factor; None if no key has this guess."""
-        beam = DampedBeam.of(self.file)
-        law = beam.damping if beam.laws else None
-        terms = [(k, term, j) for k, term in enumerate(beam.laws) for j in range(len(term.parameters))]
-        for parameter, (k, term, j) in zip(law.parameters if law else (), terms, strict=True):
-            if parameter.name == name:
-                values = [parameter.value for parameter in term.parameters]
-                values[j] = rounded(values[j] * factor)
-                guess, changed = (msgspec.to_builtins(law_spec(law, beam.model))
-                                  for law in (term, term.with_parameters(values)))  # fmt: skip
-                return self._with_known(("damping", k), {key: v for key, v in changed.items() if v != guess[key]})
-        for key in (name, *changed_properties(name)):
-            if isinstance(value := self.value(("beam", key)), int | float | list):
-                numbers = [rounded(factor * item) for item in (value if isinstance(value, list) else [value])]
-                return self.with_value(("beam", key), numbers if isinstance(value, list) else numbers[0])
-        return None
-
-    def _with_known(self, place: Place, values: Mapping[str, Any]) -> EditedStudy | None:
-        """Return the study with other values of keys that a table has; None if it has not all of them."""
-        study = self
-        for key, value in values.items():
-            if self.value((*place, key)) is None:
-                return None
-            study = study.with_value((*place, key), value)
-        return study
+    def scaled(self, place: Place, factor: float) -> EditedStudy:
+        """Return the study with a number, or all numbers of a list, times a factor, in six digits."""
+        value = self.value(place)
+        numbers = [float(f"{factor * item:.6g}") for item in (value if isinstance(value, list) else [value])]
+        return self.with_value(place, numbers if isinstance(value, list) else numbers[0])
 
 
-def rounded(value: float) -> float:
-    """Return a value that a user has chosen on a scale, in six digits."""
-    return float(f"{value:.6g}")
+def guess_places(file: StudyFile, names: Sequence[str]) -> dict[str, Place]:
+    """Return where the guesses of unknowns of a fit stand in its study, by name, as far as they do."""
+    beam = DampedBeam.of(file)
+    entries: list[Place] = []
+    for k, law in enumerate(beam.laws):
+        values = [parameter.value for parameter in law.parameters]
+        spec = msgspec.to_builtins(law_spec(law, beam.model))
+        for j, value in enumerate(values):
+            changed = law.with_parameters([*values[:j], 0.5 * value, *values[j + 1 :]])
+            entries.append(("damping", k, *_difference(spec, msgspec.to_builtins(law_spec(changed, beam.model)))))
+    parameters = beam.damping.parameters if beam.damping and entries else ()
+    places = [(parameter.name, entry) for parameter, entry in zip(parameters, entries, strict=True)]
+    places += [(name, ("beam", key)) for name in names for key in (name, *changed_properties(name))]
+    return {name: place for name, place in reversed(places) if name in names and value_at(file.tables, place)}
 
 
 def has_beam(path: str) -> bool:
@@ -126,24 +121,10 @@ def with_item(tables: Mapping[str, Any], place: Place, value: Any) -> dict[str, 
     return changed
 
 
-def toml_text(tables: Mapping[str, Any]) -> str:
-    """Return tables as TOML; tables within them stand in one line."""
-    blocks, lines = [], []
-    for name, value in tables.items():
-        if isinstance(value, dict):
-            blocks.append(_block(f"[{name}]", value))
-        elif value and is_sequence(value) and all(isinstance(item, dict) for item in value):
-            blocks += [_block(f"[[{name}]]", item) for item in value]
-        else:
-            lines.append(f"{name} = {toml_value(value)}\n")
-    return "\n".join([*(["".join(lines)] if lines else []), *blocks])
-
-
 def toml_value(value: Any) -> str:
     """Return a value of TOML in one line; a key without a value is left out."""
     if isinstance(value, Mapping):
-        entries = [f"{_key(key)} = {toml_value(item)}" for key, item in value.items() if item is not None]
-        return f"{{{', '.join(entries)}}}"
+        return f"{{{', '.join(_entries(value))}}}"
     if is_sequence(value):
         return f"[{', '.join(map(toml_value, value))}]"
     if isinstance(value, str | bool):
@@ -154,52 +135,57 @@ def toml_value(value: Any) -> str:
 
 def parse_value(text: str) -> Any:
     """Return the value of TOML that a text states; None for an empty one."""
-    if not text.strip():
-        return None
-    try:
-        tables = tomllib.loads(f"value = {text}")
-    except ValueError:
-        tables = {}
-    if list(tables) != ["value"]:
+    tables = _parse(f"value = {text}") if text.strip() else {"value": None}
+    if [*tables] != ["value"]:
         raise InputError(f"must be a value of TOML, such as 5e-3 or [0.0, -1.0], got {shown(text)}")
     return tables["value"]
 
 
-def _block(header: str, table: Mapping[str, Any]) -> str:
-    return "".join([header + "\n", *(f"{_key(key)} = {toml_value(value)}\n" for key, value in table.items())])
-
-
-def _key(key: str) -> str:
-    return key if re.fullmatch(r"[\w-]+", key, re.ASCII) else json.dumps(key, ensure_ascii=False)
-
-
-def _edit(text: str, place: Place, value: Any) -> str:
-    """Return a text with another line for the value at a place, a line more or less, or a table more or less."""
-    lines = [*text.splitlines(keepends=True)]
-    name, number, key = place if len(place) == 3 else (place[0], 0, place[-1])
+def _with_lines(text: str, place: Place, value: Any) -> str:
+    """Return a text with other lines for a table of several, (name, number), or an entry; None removes them."""
+    lines = f"{text.rstrip()}\n".splitlines(keepends=True)
     headers = [k for k, line in enumerate(lines) if HEADER.match(line)] + [len(lines)]
-    sections = [(a, b) for a, b in pairwise(headers) if HEADER.match(lines[a])[1] == name]  # type: ignore[index]
+    sections = [section for section in pairwise(headers) if HEADER.sub(r"\1", lines[section[0]]).strip() == place[0]]
+    number, key = (place[1] if isinstance(place[1], int) else 0), place[-1]
+    begin, end = sections[number] if number < len(sections) else (len(lines), len(lines))
     if isinstance(key, int):
-        begin, end = sections[key] if key < len(sections) else (len(lines), len(lines))
-        block = [] if value is None else ["\n" * (key >= len(sections)), _block(f"[[{name}]]", value), "\n"]
-        return "".join([*lines[:begin], *block, *lines[end:]])
-    if not isinstance(number, int) or number >= len(sections):
-        return text
-    begin, end = sections[number]
-    entry = re.compile(rf"(\s*{re.escape(key)}\s*=\s*)(.*?)(\s*(?:#.*)?)$", re.DOTALL)
-    entries = [k for k in range(begin + 1, end) if re.match(r"\s*[\w-]+\s*=", lines[k])]
-    k = next((k for k in entries if entry.match(lines[k])), None)
-    line = "" if value is None else f"{key} = {toml_value(value)}\n"
-    if k is None:
-        lines.insert(entries[-1] + 1 if entries else begin + 1, line)
-    else:
-        lines[k] = entry.sub(lambda match: match[1] + toml_value(value) + match[3], lines[k]) if line else ""
-    return "".join(lines)
+        table = [] if value is None else [f"[[{place[0]}]]", *_entries(value), ""]
+        return "".join([*lines[:begin], "\n" * (begin == len(lines)), *(f"{line}\n" for line in table), *lines[end:]])
+    entries = {name: (first, last) for name, first, last in _entry_lines(lines, begin + 1, end)}
+    following = max((last for _, last in entries.values()), default=begin + 1)
+    first, last = entries.get(key, (following, following))
+    comment = re.search(r"\s*#.*", lines[first]) if last == first + 1 else None
+    line = f"{key} = {toml_value(value)}{comment[0].rstrip() if comment else ''}\n"
+    return "".join([*lines[:first], "" if value is None else line, *lines[last:]])
 
 
-def _holds(text: str, tables: Mapping[str, Any]) -> bool:
-    """Return whether a text is TOML that holds tables and nothing else."""
+def _entry_lines(lines: Sequence[str], begin: int, end: int) -> Iterator[tuple[str, int, int]]:
+    """Yield the key of each entry of a table, its first line, and the line behind its last one."""
+    k = begin
+    while k < end:
+        match, last = ENTRY.match(lines[k]), k + 1
+        if match:
+            last = next((j for j in range(k + 1, end + 1) if _parse("".join(lines[k:j]))), k + 1)
+            yield match[1], k, last
+        k = last
+
+
+def _parse(text: str) -> dict[str, Any]:
+    """Return the tables of a text; none if it is not TOML."""
     try:
-        return tomllib.loads(text) == tables
+        return tomllib.loads(text)
     except ValueError:
-        return False
+        return {}
+
+
+def _entries(table: Mapping[str, Any]) -> list[str]:
+    return [f"{key} = {toml_value(value)}" for key, value in table.items() if value is not None]
+
+
+def _difference(first: Any, second: Any) -> Place:
+    """Return the place of the value that differs in plain data."""
+    if not isinstance(first, dict | list | tuple):
+        return ()
+    steps = first if isinstance(first, dict) else range(len(first))
+    step = next(step for step in steps if first[step] != second[step])
+    return (step, *_difference(first[step], second[step]))

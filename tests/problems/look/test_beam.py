@@ -149,8 +149,8 @@ class TestInABrowser:
             page.wait_for_function(r"/fit: [1-9]\d* steps/.test(document.body.innerText)")
             page.wait_for_timeout(300)
             began = time.perf_counter()
-            page.get_by_role("button", name="stop").click()
-            wait_for(page, "the fit was stopped")
+            page.get_by_role("button", name="stop", exact=True).click()
+            wait_for(page, "stopped")
             assert time.perf_counter() - began < 2.0  # 0.3 s on an idle machine
             page.get_by_role("button", name="fit", exact=True).wait_for()
         fill(page, "length", "0.6")

@@ -101,12 +101,12 @@ class BeamView:
         self._motion_error = ui.label().classes("text-negative").mark("motion-error")
         self._motion_title = ui.label().classes("text-subtitle1").mark("motion-title")
         self._unknowns = ui.grid(columns="repeat(auto-fill, minmax(18rem, 1fr))").classes("w-full")
-        self._motion = ui.column().classes("w-full").mark("motion")
         with ui.row(align_items="center"):
             self._fit_button = ui.button("fit", on_click=self._fit)
             self._stop_button = ui.button("stop", on_click=self._stop).props("outline")
             self._progress = ui.label().mark("progress")
         self._values = ui.label().classes("text-subtitle1").mark("values")
+        self._motion = ui.column().classes("w-full").mark("motion")
         self._notes = ui.column().classes("w-full gap-1").mark("notes")
         self._report = report_label().mark("report")
         ui.timer(POLLING, self._show_progress)
@@ -138,10 +138,12 @@ class BeamView:
         """Return the result of a function for a study; None if it was stopped."""
         work = Work()
         self._works.append(work)
+        self._show_progress()
         try:
             return await asyncio.get_running_loop().run_in_executor(WORKER, work.run, function, study)
         finally:
             self._works.remove(work)
+            self._show_progress()
 
     def _stop(self) -> None:
         """Stop all that is being computed."""
@@ -152,6 +154,7 @@ class BeamView:
         self, function: Callable[[EditedStudy], MotionView], study: EditedStudy
     ) -> MotionView | None:
         """Compute a motion, or fit it, and show it; return None if that has failed or was stopped."""
+        self._motion_error.text = ""
         try:
             motion = await self._compute(function, study)
             self._motion_error.text = "" if motion else "stopped"
@@ -164,7 +167,7 @@ class BeamView:
             self._motion.clear()
             with self._motion:
                 for chart in motion.charts:
-                    ui.echart(chart).classes("w-full h-52")
+                    ui.echart(chart).classes("w-full h-60")
         return motion
 
     async def _fit(self) -> None:

@@ -18,7 +18,7 @@ from ancf_casadi.damping.spec import law_spec
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.lumped import changed_properties
 from ancf_casadi.support.files import read_bytes, read_toml
-from ancf_casadi.support.inputs import is_sequence, shown
+from ancf_casadi.support.inputs import error_prefix, is_sequence, shown
 from ancf_casadi.support.specs import value_place
 from problems.spec.beam import DampedBeam
 from problems.spec.file import StudyFile
@@ -50,17 +50,19 @@ class EditedStudy:
 
     def with_value(self, place: Place, value: Any) -> EditedStudy:
         """Return the study with another value; None removes it, and the number behind the last table adds a table."""
-        tables = with_item(self.file.tables, place, value)
+        with error_prefix(self.file.path):
+            tables = with_item(self.file.tables, place, value)
         tables = {name: table for name, table in tables.items() if table != [] or name != place[0]}
         entry = place[: 3 if isinstance(place[1], int) else 2]  # that lines of the text hold
         removed = value is None and entry == place
         text = _with_lines(self.text, entry, None if removed else value_at(tables, entry))
-        if repr(_parse(text)) != repr(tables):  # nan differs from itself
+        written = _parse(text)
+        if _plain(written) != _plain(tables):
             where = value_place(self.file.where(str(place[0])), place[1:])
             raise InputError(
                 "stands in the file where it cannot be changed; write it below the name of its table", where
             )
-        return EditedStudy(replace(self.file, tables=tables), text)
+        return EditedStudy(replace(self.file, tables=written), text)
 
     def scaled(self, place: Place, factor: float) -> EditedStudy:
         """Return the study with a number, or all numbers of a list, times a factor, in six digits."""
@@ -176,6 +178,11 @@ def _parse(text: str) -> dict[str, Any]:
         return tomllib.loads(text)
     except ValueError:
         return {}
+
+
+def _plain(tables: Mapping[str, Any]) -> str:
+    """Return tables as a text that is the same for the same values, even for nan, in any order."""
+    return json.dumps(tables, sort_keys=True, default=str)
 
 
 def _entries(table: Mapping[str, Any]) -> list[str]:

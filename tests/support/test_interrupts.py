@@ -7,6 +7,7 @@ import signal
 import threading
 import time
 import weakref
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import casadi as cs
@@ -23,6 +24,7 @@ from ancf_casadi.support.interrupts import (
     lasting_interrupts,
     noted_interrupts,
     raised_endings,
+    stoppable,
 )
 from problems import MarkerRecord, fit_beam, fit_decay, reproduce, run_study
 
@@ -38,6 +40,39 @@ def test_ctrl_c_ends_a_fit_within_a_second():
     with pytest.raises(KeyboardInterrupt):
         fit_beam(model, record, RayleighDamping(alpha=1.0), tolerance=1e-12)
     assert 1.0 < time.monotonic() - begin < 2.0
+
+
+@pytest.mark.slow
+def test_an_event_ends_a_fit_in_another_thread_within_a_second():
+    strip = {"length": 0.2, "width": 0.01, "thickness": 2e-3, "density": 1070.0, "elastic_modulus": 264e3}
+    model, stop = Model(Beam.uniform(**strip, elements=4, axis=(1.0, 0.0), gravity=(0.0, -1.0))), threading.Event()
+    run = simulate(model, damping=RayleighDamping(alpha=2.0), start="straight", duration=3.0, sample_rate=40.0)
+    record = MarkerRecord(run.time, run.tip, start="straight")
+
+    def work():
+        with stoppable(stop):
+            return fit_beam(model, record, RayleighDamping(alpha=1.0), tolerance=1e-12)
+
+    with ThreadPoolExecutor(1) as thread:
+        future = thread.submit(work)
+        time.sleep(1.0)
+        begin = time.monotonic()
+        stop.set()
+        with pytest.raises(KeyboardInterrupt):
+            future.result()
+        assert time.monotonic() - begin < 1.0
+        assert thread.submit(has_interrupt).result() is False
+
+
+@pytest.mark.parametrize("is_set", [False, True])
+def test_an_event_takes_the_place_of_errors_and_of_results(is_set):
+    stop = threading.Event()
+    with pytest.raises(KeyboardInterrupt if is_set else ZeroDivisionError), stoppable(stop):
+        if is_set:
+            stop.set()
+        assert has_interrupt() is is_set
+        _ = 1 / 0
+    assert not has_interrupt()
 
 
 def test_ctrl_c_ends_a_solver_with_the_iteration_it_meets(monkeypatch):

@@ -24,3 +24,12 @@ def test_steps_are_counted_by_the_open_counter_alone(monkeypatch):
         progress.count_step()
     progress.count_step()
     assert plural == [1, 1]
+
+
+def test_a_function_is_called_at_each_step_in_place_of_a_counter():
+    calls = []
+    with progress.counted(lambda: calls.append(None)), progress.counter("fit"):
+        progress.count_step()
+    progress.count_step()
+    assert len(calls) == 1
+    assert progress.progress_line("fit", 15, 2.0) == "fit: 15 steps, 00:02,  7.50 steps/s"

@@ -453,3 +453,23 @@ def test_no_record_or_law_or_a_point_off_the_beam_is_refused(model, driven):
     off = MarkerRecord(driven.time, driven.positions, points=(0.3,))
     with pytest.raises(InputError, match="the point must be on the beam"):
         fit_beam(model, off, TRUTH)
+
+
+def test_guesses_give_the_motion_that_is_simulated_with_them_without_a_fit(model):
+    guess, settings = QuadraticDamping(eta1=0.3, eta2=2.0), {"duration": 0.5}
+    simulated = record(model, guess, 0, **settings)
+    guesses = fitting.compute_guesses(model, record(model, TRUTH, 1, **settings), guess, unknowns=["density"])
+    assert {unknown.name: unknown.guess for unknown in guesses.unknowns} == {
+        "eta1": 0.3, "eta2": 2.0, "density": 1070.0
+    }  # fmt: skip
+    noise = NOISE * np.random.default_rng(0).normal(size=simulated.positions.shape)
+    for k, channel in enumerate(guesses.records.channels):
+        expected = (simulated.positions - noise)[:, 0, k]
+        assert channel.predicted == pytest.approx(expected, abs=1e-4 * np.ptp(expected))
+        assert channel.rms_error > 2 * NOISE  # the guess is not the truth
+        assert np.isnan(channel.errors).all()
+
+
+def test_guesses_that_fail_say_why(model):
+    with pytest.raises(InputError, match="nothing is to be estimated"):
+        fitting.compute_guesses(model, record(model, TRUTH, 0, duration=0.5))

@@ -36,11 +36,11 @@ from ancf_casadi.vibration.modes import natural_modes
 from problems.cli import COMMANDS, REPLACED, main
 from problems.command import fit_decay as fit_decay_command
 from problems.paper.reproduce import PAPER
+from problems.spec import motion as motion_tables
 from problems.spec.motion import SimulationTables
 from problems.study import compute as computing
 from problems.study import study as study_module
 from problems.study.kinds import beam as beam_kinds
-from problems.study.kinds import motion as motion_kinds
 
 EXAMPLES = Path(__file__).parents[3] / "examples"
 RECORD = Path(__file__).parents[4] / "shared" / "data" / "silicone_beam" / "beam_gravity_tip.csv"
@@ -790,7 +790,7 @@ class TestFailure:
         def fails(*_, **__):
             raise SimulationError("the integrator could not go on: try a larger tolerance", 0.1)
 
-        monkeypatch.setattr(motion_kinds, "simulate", fails)
+        monkeypatch.setattr(motion_tables, "simulate", fails)
         assert main(["run", "study.toml", "simulation", "--out", "new"]) == 1
         assert one_line(capsys).endswith("try a larger tolerance")
         assert not (files / "new").exists()
@@ -811,7 +811,7 @@ class TestFailure:
         def fails(*_, **__):
             raise MemoryError
 
-        monkeypatch.setattr(motion_kinds, "simulate", fails)
+        monkeypatch.setattr(motion_tables, "simulate", fails)
         assert main(["run", "study.toml", "simulation"]) == 1
         assert "out of memory" in one_line(capsys)
 
@@ -908,7 +908,7 @@ class TestInterrupted:
         def stopped(*_, **__):
             raise KeyboardInterrupt
 
-        called = {"natural_modes": beam_kinds, "match_frequencies": beam_kinds, "simulate": motion_kinds,
+        called = {"natural_modes": beam_kinds, "match_frequencies": beam_kinds, "simulate": motion_tables,
                   "fit_decay": fit_decay_command}  # fmt: skip
         for name, module in called.items():
             monkeypatch.setattr(module, name, stopped)
@@ -974,7 +974,7 @@ class TestInterrupted:
         code = (
             "import sys\n"
             "from problems.cli import main\n"
-            "from problems.study.kinds import motion\n"
+            "from problems.spec import motion\n"
             "simulate = motion.simulate\n"
             "def told(**arguments):\n"
             "    print('at work', file=sys.stderr, flush=True)\n"

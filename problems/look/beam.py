@@ -10,7 +10,7 @@ import asyncio
 import math
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TypeVar
 
 from nicegui import events, ui
 
@@ -27,7 +27,7 @@ from problems.look.beam_computation import (
 )
 from problems.look.charts import Options
 from problems.look.computation import WORKER
-from problems.look.form import Form
+from problems.look.form import Change, Form
 from problems.look.widgets import report_label, set_options, show_notes
 from problems.spec.editing import EditedStudy, Place
 
@@ -48,15 +48,15 @@ class BeamView:
         self._task: asyncio.Task[None] | None = None
         self._mode = 1
         self._charts: Sequence[Options] = ()  # of the modes
-        self._sliders: dict[str, Callable[[Unknown], None]] = {}  # each shows a guess
+        self._sliders: dict[tuple[str, Place], Callable[[Unknown], None]] = {}  # each shows a guess
         ui.context.client.on_disconnect(self._stop)
         with ui.grid(columns="18rem minmax(0, 1fr)").classes("w-full"):
             with ui.column():
                 ui.label(Path(file).name).classes("text-subtitle1")
                 self._form_error = ui.label().classes("text-negative").mark("form-error")
-                self._form = Form(self.study, self._choose_value)
+                self._form = Form(self.study, self.choose)
             with ui.column().classes("w-full"):
-                self._build_rest()
+                self._build_beam()
                 self._build_motion()
                 self._build_study()
 
@@ -69,7 +69,7 @@ class BeamView:
             await self._update(study)
         self._busy.set_visibility(False)
 
-    def choose(self, change: Callable[[EditedStudy], EditedStudy]) -> None:
+    def choose(self, change: Change) -> None:
         """Change the study, and compute anew."""
         try:
             self.study = change(self.study)
@@ -80,10 +80,7 @@ class BeamView:
         if self._task is None or self._task.done():
             self._task = asyncio.create_task(self.show())
 
-    def _choose_value(self, place: Place, value: Any) -> None:
-        self.choose(lambda study: study.with_value(place, value))
-
-    def _build_rest(self) -> None:
+    def _build_beam(self) -> None:
         columns = [
             {"name": name, "label": label, "field": name}
             for name, label in (("mode", "mode"), ("frequency", "frequency, Hz"), ("ratio", "damping ratio, %"))
@@ -122,14 +119,14 @@ class BeamView:
         self._text.content = study.text
         self._form.show(study)
         try:
-            if (rest := await self._compute(beam_at_rest, study)) is None:
+            if (at_rest := await self._compute(beam_at_rest, study)) is None:
                 return
         except AncfError as error:
             self._form_error.text = "" if self._form.show_error(str(error)) else str(error)
             return
         self._form_error.text = ""
         self._form.show_error("")
-        self._show_rest(rest)
+        self._show_beam(at_rest)
         motion = await self._show_motion(computed_motion, study)
         if motion is not None:
             self._show_sliders(motion.guesses)
@@ -183,14 +180,14 @@ class BeamView:
         self._stop_button.set_visibility(bool(self._works))
         self._fit_button.set_visibility(has_records(self.study) and not self._works)
 
-    def _show_rest(self, rest: BeamAtRest) -> None:
-        self._charts, self._drawing.content = rest.charts, rest.drawing
-        columns = zip(rest.frequencies.tolist(), (100.0 * rest.damping_ratios).tolist(), strict=True)
+    def _show_beam(self, at_rest: BeamAtRest) -> None:
+        self._charts, self._drawing.content = at_rest.charts, at_rest.drawing
+        columns = zip(at_rest.frequencies.tolist(), (100.0 * at_rest.damping_ratios).tolist(), strict=True)
         self._modes.rows = [
             {"mode": k, "frequency": f"{frequency:.6g}", "ratio": f"{round(ratio, DIGITS):.4g}"}
             for k, (frequency, ratio) in enumerate(columns, start=1)
         ]
-        self._show_mode(min(self._mode, len(rest.charts)))
+        self._show_mode(min(self._mode, len(at_rest.charts)))
 
     def _choose_mode(self, event: events.TableSelectionEventArguments) -> None:
         self._show_mode(int((event.selection or [{"mode": self._mode}])[0]["mode"]))
@@ -201,14 +198,15 @@ class BeamView:
 
     def _show_sliders(self, guesses: Sequence[tuple[Unknown, Place]]) -> None:
         """Show a slider for each guess."""
-        if [unknown.name for unknown, _ in guesses] != [*self._sliders]:
+        names = [(unknown.name, place) for unknown, place in guesses]
+        if names != [*self._sliders]:
             self._sliders.clear()
             self._unknowns.clear()
             with self._unknowns:
                 for unknown, place in guesses:
-                    self._sliders[unknown.name] = self._slider(unknown, place)
-        for unknown, _ in guesses:
-            self._sliders[unknown.name](unknown)
+                    self._sliders[unknown.name, place] = self._slider(unknown, place)
+        for unknown, place in guesses:
+            self._sliders[unknown.name, place](unknown)
 
     def _slider(self, unknown: Unknown, place: Place) -> Callable[[Unknown], None]:
         """Build a slider for the logarithm of a guess over its first value, and return what shows a guess."""

@@ -22,12 +22,14 @@ LEGEND: Options = {"legend": {"top": 0, "textStyle": {"color": TEXT}}}
 
 def mode_chart(modes: Modes, k: int) -> Options:
     """Return the moving chart of mode k, from 0, exaggerated as in figures; square, so that both axes have a scale."""
-    rest = points_along(modes.model, modes.equilibrium.coordinates).T
+    equilibrium = points_along(modes.model, modes.equilibrium.coordinates).T
     shape = points_along(modes.model, scaled_shape(modes, k)).T
-    frames = [rest + swing * shape for swing in np.sin(2 * np.pi * np.arange(FRAMES) / FRAMES)]
+    frames = [equilibrium + swing * shape for swing in np.sin(2 * np.pi * np.arange(FRAMES) / FRAMES)]
     low, high = np.min(frames, axis=(0, 1)), np.max(frames, axis=(0, 1))
     half, middle = 0.55 * float((high - low).max()), (low + high) / 2
-    chart = line_chart("x, mm", "y, mm", [_line("", rest.tolist(), FIT, 2), _line("", rest.tolist(), TEXT, 1)])
+    chart = line_chart(
+        "x, mm", "y, mm", [_line("", equilibrium.tolist(), FIT, 2), _line("", equilibrium.tolist(), TEXT, 1)]
+    )
     for axis, centre in zip(("xAxis", "yAxis"), middle.tolist(), strict=True):
         chart[axis] |= {"min": centre - half, "max": centre + half}
     return {

@@ -20,17 +20,19 @@ from ancf_casadi.support.specs import alternatives, listed_fields, value_place
 from problems.spec.beam import DocumentName
 from problems.spec.editing import EditedStudy, Place, parse_value, toml_value, value_at, with_item
 
+Change = Callable[[EditedStudy], EditedStudy]
 TAG_FIELDS = ("kind", "law")  # of supports, attachments and sections, and of damping laws
 LIMITS = {"gt": "above", "ge": "at least", "lt": "below", "le": "at most"}
 ENDLESS = 1e30  # a limit that no value reaches
 
 
 class Form:
-    """Fields for the keys of [beam] and [[damping]]; ``choose`` gets the place and the value that the user has set."""
+    """Fields for the keys of [beam] and [[damping]]; ``choose`` gets the change of the study that the user wants."""
 
-    def __init__(self, study: EditedStudy, choose: Callable[[Place, Any], None]) -> None:
+    def __init__(self, study: EditedStudy, choose: Callable[[Change], None]) -> None:
         self._study, self._choose = study, choose
         self._fields: dict[Place, Any] = {}
+        self._unread: set[Place] = set()  # fields with texts that are no values
         self._defaults: dict[Place, Any] = {}  # of lists of boxes
         self._boxes: dict[Place, list[Any]] = {}  # kinds of the boxes of each list
         self._last: Place = ()  # that was changed
@@ -42,16 +44,16 @@ class Form:
         self._study = study
         if any(self._kinds(place) != kinds for place, kinds in self._boxes.items()):
             self._build()
-        for place, field in self._fields.items():
-            field.value = self._shown(place, field)
+        for place in self._fields.keys() - self._unread:
+            self._fields[place].value = self._shown(place, self._fields[place])
 
     def show_error(self, message: str) -> bool:
         """Show a message beside the field that it names, and take the others away; return whether there is one."""
         lengths = {place: len(where) for place in self._fields if message.startswith(where := self._where(place))}
         places = [place for place, length in lengths.items() if length == max(lengths.values())]
         named = self._last if self._last in places else next(iter(places), None)
-        for place, field in self._fields.items():
-            field.error = message if place == named else None
+        for place in self._fields.keys() - self._unread:
+            self._fields[place].error = message if place == named else None
         return named is not None
 
     def _where(self, place: Place) -> str:
@@ -74,12 +76,16 @@ class Form:
     def _set(self, place: Place, value: Any) -> None:
         """Change a value; within a list of a table, the list is changed as a whole, as it may be the default."""
         self._last, key = place, place[: 3 if isinstance(place[1], int) else 2]
-        if len(place) > len(key):
-            value = with_item({"list": self._value(key)}, ("list", *place[len(key) :]), value)["list"]
-        self._choose(key, value)
+
+        def change(study: EditedStudy) -> EditedStudy:
+            name, within = str(key[-1]), place[len(key) :]
+            whole = {name: self._value(key)}
+            return study.with_value(key, with_item(whole, (name, *within), value)[name] if within else value)
+
+        self._choose(change)
 
     def _build(self) -> None:
-        for places in (self._fields, self._defaults, self._boxes):
+        for places in (self._fields, self._unread, self._defaults, self._boxes):
             places.clear()
         self._column.clear()
         beam = self._study.value(("beam",))
@@ -120,11 +126,13 @@ class Form:
 
     def _build_field(self, place: Place, field: types.Field, kinds: list[types.Type]) -> None:
         def choose() -> None:
+            self._unread.discard(place)
             widget.error, value = None, widget.value
             if not isinstance(kinds[0], types.StrType | types.LiteralType | types.BoolType):
                 try:
                     value = parse_value(value or "")
                 except InputError as error:
+                    self._unread.add(place)
                     widget.error = str(error)
                     return
             if value != self._value(place):

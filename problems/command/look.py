@@ -1,4 +1,4 @@
-"""``ancf-casadi look``: a page in the browser that shows a record and fits its decay while the user chooses."""
+"""``ancf-casadi look``: a page in the browser that shows records and fits their decays while the user chooses."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ from problems.command.output import Output
 def add_look(parser: argparse.ArgumentParser) -> None:
     """Add the options."""
     parser.add_argument(
-        "file",
-        nargs="?",
+        "files",
+        nargs="*",
         metavar="FILE",
-        help="file of measurements, or study with [[decays]]; files may also be dropped there",
+        help="file of measurements, several takes of a mode, or study with [[decays]]; files may also be dropped there",
     )
     about = "do not open the page in a browser, only print its address"
     parser.add_argument("--no-browser", action="store_true", help=about)
@@ -23,13 +23,13 @@ def add_look(parser: argparse.ArgumentParser) -> None:
 
 def run_look(options: argparse.Namespace) -> Output:
     """Serve the page until it closes."""
-    from problems.look.choices import Choices  # these two are slow to import
+    from problems.look.choices import read_takes  # these two are slow to import
 
-    if options.file is not None:
-        with open_file(Choices.of(options.file).file):
+    for take in read_takes(options.files):
+        with open_file(take.file):
             pass
     library("nicegui", "shows the page")
     from problems.look.server import serve
 
-    serve(options.file, open_browser=not options.no_browser)
+    serve(options.files, open_browser=not options.no_browser)
     return Output(lambda: {}, lambda: "the page has closed")

@@ -14,13 +14,13 @@ import secrets
 import socket
 import tempfile
 import webbrowser
-from collections.abc import Awaitable, Callable, MutableMapping
+from collections.abc import Awaitable, Callable, MutableMapping, Sequence
 from http.cookies import CookieError, SimpleCookie
 from pathlib import Path
 from typing import Any
 from urllib.parse import parse_qs
 
-from problems.look.choices import Choices
+from problems.look.choices import read_takes
 from problems.look.computation import WORKER, fit_chosen
 from problems.look.page import build_page
 
@@ -88,7 +88,7 @@ async def _wait_until_answered(port: int) -> None:
         await asyncio.sleep(0.05)
 
 
-def serve(file: str | None, *, open_browser: bool) -> None:
+def serve(files: Sequence[str], *, open_browser: bool) -> None:
     """Serve the page until it closes; print its address, and open it in the browser if wanted."""
     from nicegui import Client, app, ui  # slow to import
 
@@ -103,7 +103,7 @@ def serve(file: str | None, *, open_browser: bool) -> None:
 
     @ui.page("/", title="ancf-casadi")
     def _page() -> None:
-        build_page(file, Path(folder.name))
+        build_page(files, Path(folder.name))
 
     async def announce() -> None:
         await _wait_until_answered(port)
@@ -115,8 +115,8 @@ def serve(file: str | None, *, open_browser: bool) -> None:
         if not any(client.has_socket_connection for client in Client.instances.values()):
             app.shutdown()
 
-    if file is not None:  # while the browser starts, so that the page finds the result
-        WORKER.submit(lambda: fit_chosen(Choices.of(file)))
+    if files:  # while the browser starts, so that the page finds the result
+        WORKER.submit(lambda: fit_chosen(read_takes(files)[0]))
     app.on_startup(announce)
     app.on_disconnect(lambda: app.timer(SECONDS_TO_RETURN, end_if_closed, once=True))
     settings: Any = {"show": False, "reload": False, "show_welcome_message": False, "dark": None}

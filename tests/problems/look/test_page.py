@@ -22,6 +22,7 @@ playwright = pytest.importorskip("playwright.sync_api")
 
 from problems.look.charts import BINS, thin  # noqa: E402
 from problems.look.server import Guard  # noqa: E402
+from problems.study.formatting import shown  # noqa: E402
 
 BROWSER = shutil.which("chromium") or shutil.which("google-chrome")
 in_browser = [pytest.mark.slow, pytest.mark.skipif(BROWSER is None, reason="no Chromium is installed")]
@@ -109,9 +110,9 @@ def page():
         browser.close()
 
 
-def write_decay(path, samples=1601, header="t (s),tip (mm)"):
-    time = np.linspace(0.0, 8.0, samples)
-    y = 20.0 * np.exp(-0.25 * time) * np.cos(12.3 * time) + 0.05 * np.random.default_rng(0).normal(size=time.size)
+def write_decay(path, samples=1601, header="t (s),tip (mm)", omega=12.3, seed=0):
+    time, noise = np.linspace(0.0, 8.0, samples), np.random.default_rng(seed).normal(size=samples)
+    y = 20.0 * np.exp(-0.25 * time) * np.cos(omega * time) + 0.05 * noise
     np.savetxt(
         path, np.column_stack([time, y, 2 * y][: header.count(",") + 1]), delimiter=",", header=header, comments=""
     )
@@ -158,10 +159,10 @@ class TestInABrowser:
             page.get_by_text("save study.toml").click()
         study = Path(download.value.path()).rename(tmp_path / "study.toml")
         report = run("fit-decay", *shlex.split(command_line(page))[2:])
-        shown = page.inner_text("body")
-        assert all(line.strip() in shown for line in report.splitlines())
+        text = page.inner_text("body")
+        assert all(line.strip() in text for line in report.splitlines())
         (decay,) = json.loads(run("run", study, "--json"))["decays"]
-        assert f"frequency                 {decay['frequency_hz']:.6g} +-" in shown
+        assert f"frequency                 {decay['frequency_hz']:.6g} +-" in text
         assert page.hosts == {urllib.parse.urlsplit(url).netloc}
 
     def test_the_value_at_the_cursor_has_its_error(self, look, page, tmp_path):
@@ -187,6 +188,41 @@ class TestInABrowser:
         assert "--column 'middle (mm)'" in command_line(page)
         page.close()
         assert process.wait(timeout=30) == 0  # the page has closed
+
+    def test_takes_are_listed_and_compared_and_saved_as_one_study(self, look, page, tmp_path):
+        _, url = look()
+        page.goto(url)
+        page.wait_for_selector("input[type=file]", state="attached")
+        files = [write_decay(tmp_path / f"take{k}.csv", omega=12.3 + k / 50, seed=k) for k in (0, 1, 2)]
+        page.set_input_files("input[type=file]", files)
+        wait_for(page, "the 3 records do not agree")
+        assert command_line(page) == "ancf-casadi fit-decay take0.csv take1.csv take2.csv"
+        page.locator("tr", has_text="take1.csv").click()
+        page.get_by_label("begin").fill("0.5")
+        page.get_by_label("begin").press("Enter")
+        wait_for(page, "ancf-casadi run study.toml")
+        page.wait_for_selector(".q-spinner.hidden", state="attached")
+        with page.expect_download() as download:
+            page.get_by_text("save study.toml").click()
+        study = Path(download.value.path()).rename(tmp_path / "study.toml")
+        decays = json.loads(run("run", study, "--json"))["decays"]
+        rows = page.locator("tbody tr").all_inner_texts()
+        for decay, row in zip(decays, rows, strict=True):
+            assert shown(decay["frequency_hz"], decay["frequency_stderr_hz"]) in row
+            assert shown(100 * decay["damping_ratio"], 100 * decay["damping_ratio_stderr"]) in row
+        page.set_input_files("input[type=file]", [study, *files])
+        wait_for(page, "begin = 0.5")
+        assert page.locator("tbody tr").count() == 3
+
+    def test_a_take_that_cannot_be_read_says_why_in_its_row(self, look, page, tmp_path):
+        (tmp_path / "none.csv").write_text("nothing")
+        _, url = look(tmp_path / "none.csv", write_decay(tmp_path / "tip.csv"))
+        page.goto(url)
+        wait_for(page, "The takes are not compared")
+        rows = page.locator("tbody tr").all_inner_texts()
+        assert "none.csv" in rows[0] and "±" not in rows[0] and "±" in rows[1]
+        page.locator("tr", has_text="tip.csv").click()
+        wait_for(page, "linear decay")
 
     def test_a_brush_on_many_samples_fits_within_a_second(self, look, page, tmp_path):
         _, url = look(write_decay(tmp_path / "tip.csv", samples=60_000))

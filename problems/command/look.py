@@ -1,4 +1,4 @@
-"""``ancf-casadi look``: a page in the browser that shows records and fits their decays while the user chooses."""
+"""``ancf-casadi look``: a page in the browser that shows records and fits them while the user chooses."""
 
 from __future__ import annotations
 
@@ -15,7 +15,8 @@ def add_look(parser: argparse.ArgumentParser) -> None:
         "files",
         nargs="*",
         metavar="FILE",
-        help="file of measurements, several takes of a mode, or study with [[decays]]; files may also be dropped there",
+        help="file of measurements, several takes of a mode, frequency response functions, or study with [[decays]]; "
+        "files may also be dropped there",
     )
     about = "do not open the page in a browser, only print its address"
     parser.add_argument("--no-browser", action="store_true", help=about)

@@ -1,6 +1,7 @@
-"""A page in the browser that shows records and fits their decays while the user chooses: ``ancf-casadi look``.
+"""A page in the browser that shows records and fits them while the user chooses: ``ancf-casadi look``.
 
 ``choices`` holds what the user has chosen, as the command and the study that do the same; ``computation`` reads and
-fits with the public functions; ``charts`` lays the results out; ``page`` and ``takes`` show them, with what panels have
-in common in ``widgets``; and ``server`` keeps the page to this machine.
+fits with the public functions; ``charts`` lays the results out; ``page`` and ``takes`` show decays, with what panels
+have in common in ``widgets``; ``frf``, ``frf_charts`` and ``frf_page`` do all this for frequency response functions;
+and ``server`` keeps the page to this machine.
 """

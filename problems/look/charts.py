@@ -21,6 +21,9 @@ PART = "rgba(136, 136, 136, 0.12)"  # of the record that was fitted
 TEXT, LINES = "#888", "rgba(136, 136, 136, 0.25)"  # on light and on dark pages
 GRID = {"left": 70, "right": 20, "top": 34, "bottom": 44}
 Options = dict[str, Any]
+BRUSH: Options = {
+    "xAxisIndex": 0, "brushType": "lineX", "brushMode": "single", "toolbox": [], "throttleType": "debounce",
+}  # fmt: skip
 
 
 def record_chart(time: Array, values: Array, label: str) -> Options:
@@ -29,7 +32,7 @@ def record_chart(time: Array, values: Array, label: str) -> Options:
         {"name": "record", "type": "line", "data": thin(time, values), "color": RECORD, "lineStyle": {"width": 1}},
         {"name": "fit", "type": "line", "data": [], "color": FIT, "lineStyle": {"width": 1, "opacity": 0.8}},
     ]
-    return _chart("time, s", label, lines) | {"brush": _brush()}
+    return line_chart("time, s", label, lines) | {"brush": BRUSH}
 
 
 def show_fit(chart: Options, view: DecayView) -> None:
@@ -53,16 +56,16 @@ def residual_chart(view: DecayView) -> Options:
     """Return the chart of the record less its fit."""
     data = thin(view.fit.time, -view.fit.residuals)
     line = {"type": "line", "data": data, "color": RECORD, "lineStyle": {"width": 1}}
-    return _chart("time, s", f"record less fit, {view.fit.model.sensor.unit}".rstrip(", "), [line])
+    return line_chart("time, s", f"record less fit, {view.fit.model.sensor.unit}".rstrip(", "), [line])
 
 
 def spectrum_chart(frequencies: Array, amplitudes: Array) -> Options:
     """Return the chart of a spectrum, with a brush over the frequencies."""
     floor = 1e-6 * amplitudes.max(initial=1e-12)
     data = thin(frequencies[1:], np.maximum(amplitudes[1:], floor))
-    options = _chart("frequency, Hz", "amplitude", [{"type": "line", "data": data, "color": RECORD}])
+    options = line_chart("frequency, Hz", "amplitude", [{"type": "line", "data": data, "color": RECORD}])
     options["yAxis"]["type"] = "log"
-    return options | {"brush": _brush()}
+    return options | {"brush": BRUSH}
 
 
 def amplitude_chart(view: DecayView, quantity: str) -> Options:
@@ -85,7 +88,7 @@ def amplitude_chart(view: DecayView, quantity: str) -> Options:
     if view.windows is not None:
         points = np.column_stack([view.windows.amplitude, scale * getattr(view.windows, quantity)])
         series.append({"name": "windows", "type": "scatter", "data": points.tolist(), "color": RECORD, "symbolSize": 6})
-    options = _chart(f"amplitude, {unit}".rstrip(", "), label, series)
+    options = line_chart(f"amplitude, {unit}".rstrip(", "), label, series)
     for line in options["series"]:
         line["showSymbol"] = line["type"] == "scatter"
     formatter = "points => (points.find(point => point.seriesName == 'law') || {data: []}).data[2]"
@@ -119,7 +122,8 @@ def thin(x: Array, y: Array, bins: int = BINS) -> list[list[float]]:
     return np.column_stack([x, y]).tolist()  # type: ignore[no-any-return]
 
 
-def _chart(x: str, y: str, series: list[Options]) -> Options:
+def line_chart(x: str, y: str, series: list[Options]) -> Options:
+    """Return a chart with the names of its axes."""
     number = {
         ":formatter": "value => String(Number(value.toPrecision(6)))",
         "showMinLabel": False,
@@ -136,7 +140,3 @@ def _chart(x: str, y: str, series: list[Options]) -> Options:
         "yAxis": axis | {"name": y, "nameGap": 52},
         "series": series,
     }
-
-
-def _brush() -> Options:
-    return {"xAxisIndex": 0, "brushType": "lineX", "brushMode": "single", "toolbox": [], "throttleType": "debounce"}

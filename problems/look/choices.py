@@ -7,19 +7,39 @@ from __future__ import annotations
 
 import json
 import shlex
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 
 STUDY_NAME = "study.toml"
+DIGITS = 6  # of a time or a frequency that is chosen in a chart
 DECAY_KEYS = ("time", "time_unit", "sample_rate", "column", "unit", "begin", "end", "release_time")  # of [[decays]]
 PART_KEYS = ("begin", "end", "release_time")  # of each take
 STEP_DEFAULTS = {"law": "linear", "rest": None}  # keys of the step of a study, with their defaults
 
 
 @dataclass(frozen=True)
-class Choices:
+class CommandOptions:
+    """Options of a command by their names, after the files; None or False where the user has left the default."""
+
+    def options(self) -> dict[str, Any]:
+        """Return the options that differ from the defaults, by name."""
+        options = {field.name: getattr(self, field.name) for field in fields(self)[1:]}
+        return {name: value for name, value in options.items() if value is not None and value is not False}
+
+
+def option_words(options: Mapping[str, Any]) -> list[str]:
+    """Return options by their names as words of a command line."""
+    words = []
+    for name, value in options.items():
+        text = ",".join(map(str, value)) if isinstance(value, tuple) else str(value)
+        words += [f"--{name.replace('_', '-')}", *([] if value is True else [text])]
+    return words
+
+
+@dataclass(frozen=True)
+class Choices(CommandOptions):
     """Options of ``fit-decay`` by their names; None or False where the user has left the default."""
 
     file: str
@@ -37,11 +57,6 @@ class Choices:
     frequency_law: str | None = None
     rest: str | None = None
     robust: bool = False
-
-    def options(self) -> dict[str, Any]:
-        """Return the options that differ from the defaults, by name."""
-        options = {field.name: getattr(self, field.name) for field in fields(self)[1:]}
-        return {name: value for name, value in options.items() if value is not None and value is not False}
 
 
 Takes = tuple[Choices, ...]
@@ -77,27 +92,20 @@ def change_takes(takes: Takes, shown: int, **changes: Any) -> Takes:
     return tuple(replace(take, **changes) if k == shown else changed(take) for k, take in enumerate(takes))
 
 
-def beside(takes: Takes, folder: Path) -> Takes:
-    """Return takes whose files, if they are in a folder, are named as from there."""
-    paths = [Path(take.file) for take in takes]
-    names = [str(path.relative_to(folder)) if path.is_relative_to(folder) else str(path) for path in paths]
-    return tuple(replace(take, file=name) for take, name in zip(takes, names, strict=True))
+def beside(file: str, folder: Path) -> str:
+    """Return the name of a file as from a folder, if it is there."""
+    path = Path(file)
+    return str(path.relative_to(folder)) if path.is_relative_to(folder) else file
 
 
 def command(takes: Takes) -> str:
     """Return the command line that fits the same; takes with options that no command has for each are a study."""
     if not _has_command(takes):
         return f"ancf-casadi run {STUDY_NAME}"
-    words = ["ancf-casadi", "fit-decay", *(take.file for take in takes)]
-    for name, value in takes[0].options().items():
-        words.append(f"--{name.replace('_', '-')}")
-        if name == "release_time":
-            words.append(",".join(str(take.release_time) for take in takes))
-        elif name == "band":
-            words.append(",".join(map(str, value)))
-        elif value is not True:
-            words.append(str(value))
-    return shlex.join(words)
+    options = takes[0].options()
+    if "release_time" in options:
+        options["release_time"] = tuple(take.release_time for take in takes)
+    return shlex.join(["ancf-casadi", "fit-decay", *(take.file for take in takes), *option_words(options)])
 
 
 def _has_command(takes: Takes) -> bool:

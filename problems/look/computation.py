@@ -5,18 +5,21 @@ One thread, ``WORKER``, does this work, so that nothing is computed twice at the
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import lru_cache
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from ancf_casadi.decay.envelope import DampingCurve, LawCurve
 from ancf_casadi.estimation.comparison import LawComparison
-from ancf_casadi.exceptions import InputError
+from ancf_casadi.exceptions import AncfError, InputError
 from ancf_casadi.records.channel import Recording
 from ancf_casadi.records.measurement import Measurement
+from ancf_casadi.records.over_frequency import is_over_frequency
 from ancf_casadi.records.processing import amplitude_spectrum
 from ancf_casadi.records.reading.formats import read_contents
 from ancf_casadi.records.recording import with_times
@@ -50,6 +53,16 @@ class DecayView:
 def contents(file: str) -> Recording:
     """Return the columns of a file, read once."""
     return read_contents(file)
+
+
+def over_frequency(files: Sequence[str]) -> bool:
+    """Return whether all files hold functions over frequency; what cannot be read, or is a study, holds none."""
+    if any(Path(file).suffix.lower() == ".toml" for file in files):
+        return False
+    try:
+        return all(is_over_frequency(contents(file)) for file in files)
+    except AncfError:
+        return False
 
 
 def recording(choices: Choices) -> Recording:

@@ -6,8 +6,8 @@ came in the meantime.  Errors appear beside what caused them.
 
 from __future__ import annotations
 
-import asyncio
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from tempfile import mkdtemp
 from typing import Any, get_args
@@ -31,9 +31,9 @@ from problems.look.charts import (
     spectrum_chart,
 )
 from problems.look.choices import STUDY_NAME, Choices, Takes, beside, change_takes, command, read_takes, study
-from problems.look.computation import DecayView, fit_chosen, recording, spectrum, whole_record
+from problems.look.computation import DecayView, fit_chosen, over_frequency, recording, spectrum, whole_record
 from problems.look.takes import TakesTable
-from problems.look.widgets import brushed_chart, redraw, report_label, set_options, show_notes, work
+from problems.look.widgets import Fields, Panel, brushed_chart, redraw, report_label, set_options, show_notes, work
 from problems.study.formatting import shown
 
 LAWS_OF = {"law": Law, "frequency_law": FrequencyLaw, "rest": Rest}
@@ -48,18 +48,29 @@ def build_page(files: Sequence[str], folder: Path) -> None:
         paths = [apart / Path(file.name).name for file in event.files]
         for path, file in zip(paths, event.files, strict=True):
             await file.save(path)
+        upload.reset()  # which would ignore files that it has had before
         await show_files([str(path) for path in paths], apart)
 
     async def show_files(paths: Sequence[str], origin: Path) -> None:
         body.clear()
         with body:
+            ui.spinner()
+        is_over_frequency = await work(over_frequency, tuple(paths))
+        body.clear()
+        with body:
             try:
-                view = RecordView(read_takes(paths), origin)
+                panel = frf_panel(paths, origin) if is_over_frequency else RecordView(read_takes(paths), origin)
             except AncfError as error:
                 ui.label(str(error)).classes("text-negative")
                 return
-        await view.show()
+        await panel.show()
 
+    def frf_panel(paths: Sequence[str], origin: Path) -> Panel:
+        from problems.look.frf_page import FrfPanel  # slow to import, and decays do not need it
+
+        return FrfPanel(paths, origin)
+
+    ui.colors(negative="#e03131")  # legible on light and on dark pages
     with ui.row(align_items="center").classes("w-full"):
         ui.label("ancf-casadi look").classes("text-h6")
         upload = ui.upload(
@@ -74,13 +85,12 @@ def build_page(files: Sequence[str], folder: Path) -> None:
         ui.timer(0.0, lambda: show_files(files, folder), once=True)
 
 
-class RecordView:
+class RecordView(Panel):
     """The part of the page that belongs to one record, or to one of several takes, below a table of all."""
 
     def __init__(self, takes: Takes, folder: Path) -> None:
         self.takes, self._shown, self._folder = takes, 0, folder  # files in the folder are named as from there
         self._reading_changed = True
-        self._task: asyncio.Task[None] | None = None
         self._view: DecayView | None = None
         self._table = TakesTable(self.show_take) if len(takes) > 1 else None
         with ui.grid(columns="18rem minmax(0, 1fr)").classes("w-full"):
@@ -94,19 +104,10 @@ class RecordView:
         """Those for the take that is shown."""
         return self.takes[self._shown]
 
-    async def show(self) -> None:
-        """Read and fit until the page shows the latest choices."""
-        done = None
-        self._busy.set_visibility(True)
-        while done != (wanted := (self.takes, self._shown)):
-            await self._update(self.choices)
-            if self._table is not None:
-                await self._table.show(*wanted, self._wants)
-            done = wanted
-        self._busy.set_visibility(False)
-
-    def _wants(self, takes: Takes, shown_take: int) -> bool:
-        return (takes, shown_take) == (self.takes, self._shown)
+    @property
+    def chosen(self) -> tuple[Takes, int]:
+        """The takes, and which of them is shown."""
+        return self.takes, self._shown
 
     def choose(self, **changes: Any) -> None:
         """Change choices, and read and fit anew."""
@@ -114,40 +115,36 @@ class RecordView:
             return
         self.takes = change_takes(self.takes, self._shown, **changes)
         self._reading_changed |= not SHOWS_RECORD.isdisjoint(changes)
-        self._start()
+        self.start()
 
     def show_take(self, k: int) -> None:
         """Show another take."""
         if self._table is not None and k != self._shown:
             self._shown, self._reading_changed = k, True
             self._table.mark_shown(k)
-            self._start()
-
-    def _start(self) -> None:
-        if self._task is None or self._task.done():
-            self._task = asyncio.create_task(self.show())
+            self.start()
 
     def _build_choices(self) -> None:
-        self._inputs: dict[str, Any] = {}
+        self._fields = Fields(self.choose)
         self._name = ui.label().classes("text-subtitle1 break-all")
-        self._select("column", [], "column")
-        self._text("unit", "unit", "such as mm, g or 0.25 mm")
-        self._select("sensor", get_args(Quantity), "sensor", "default: as the unit tells")
-        self._number("sample_rate", "samples per second", "for a file without times")
+        self._fields.select("column", [], "column")
+        self._fields.text("unit", "unit", "such as mm, g or 0.25 mm")
+        self._fields.select("sensor", get_args(Quantity), "sensor", "default: as the unit tells")
+        self._fields.number("sample_rate", "samples per second", "for a file without times")
         self._reading_error = ui.label().classes("text-negative").mark("reading-error")
         self._reader_notes = ui.column().classes("w-full gap-1").mark("reader-notes")
         ui.label("Part to fit, s").classes("text-subtitle2")
         for name in ("begin", "end", "release_time"):
-            self._number(name, name.replace("_", " "))
+            self._fields.number(name, name.replace("_", " "))
         self._release = ui.label()
         self._band = ui.label()
         ui.button("all times and frequencies", on_click=self._choose_all).props("flat dense")
         ui.label("Laws").classes("text-subtitle2")
         for name, laws in LAWS_OF.items():
             default = "linear" if name == "law" else "constant, or auto if the law is"
-            self._select(name, [*get_args(laws), "auto"], name.replace("_", " "), f"default: {default}")
+            self._fields.select(name, [*get_args(laws), "auto"], name.replace("_", " "), f"default: {default}")
         self._probabilities = ui.column().classes("w-full gap-0").mark("probabilities")
-        self._inputs["robust"] = ui.checkbox(
+        self._fields.by_name["robust"] = ui.checkbox(
             "limit the influence of outliers", on_change=lambda event: self.choose(robust=event.value)
         )
 
@@ -171,28 +168,17 @@ class RecordView:
             ui.button("save the report", on_click=self._save_report)
             ui.button("save the figure", on_click=self._save_figure)
 
-    def _select(self, name: str, options: Sequence[Any], label: str, hint: str = "") -> None:
-        def choose_value(event: events.ValueChangeEventArguments[Any]) -> None:
-            self.choose(**{name: event.value})
-
-        select = ui.select([*options], label=label, on_change=choose_value, clearable=True)
-        self._inputs[name] = select.props(f'hint="{hint}"').classes("w-full").mark(name)
-
-    def _text(self, name: str, label: str, hint: str) -> None:
-        field = ui.input(label).props(f'hint="{hint}"')
-        field.on("change", lambda: self.choose(**{name: field.value or None}))
-        self._inputs[name] = field.classes("w-full").mark(name)
-
-    def _number(self, name: str, label: str, hint: str = "") -> None:
-        field = ui.number(label, format="%.6g").props(f'hint="{hint}"')
-        field.on("change", lambda: self.choose(**{name: None if field.value is None else float(field.value)}))
-        self._inputs[name] = field.classes("w-full").mark(name)
-
     def _choose_all(self) -> None:
         self.choose(begin=None, end=None, release_time=None, band=None)
 
+    async def update(self) -> None:
+        """Read what is chosen, fit it, and show both; then the other takes."""
+        takes, shown_take = chosen = self.chosen
+        await self._update(self.choices)
+        if self._table is not None:
+            await self._table.show(takes, shown_take, lambda: chosen == self.chosen)
+
     async def _update(self, choices: Choices) -> None:
-        """Read what is chosen, fit it, and show both."""
         self._show_choices(choices)
         try:
             if self._reading_changed:
@@ -226,18 +212,18 @@ class RecordView:
 
     def _show_choices(self, choices: Choices) -> None:
         """Show the choices in their fields, and the command and the study."""
-        for name, field in self._inputs.items():
+        for name, field in self._fields.by_name.items():
             if name != "column":  # whose options the file tells
                 field.value = getattr(choices, name)
         self._band.text = "band: " + ("{:g} to {:g} Hz".format(*choices.band) if choices.band else "all frequencies")
-        takes = beside(self.takes, self._folder)
+        takes = tuple(replace(take, file=beside(take.file, self._folder)) for take in self.takes)
         self._name.text = Path(choices.file).name
         self._command.content, self._study.content = command(takes), study(takes)
 
     def _show_columns(self, contents: Recording) -> None:
         """Offer the columns of a file with values."""
         usable = [c for c in contents.channels if not (c.fault or is_time(c) or is_counter(c))]
-        self._inputs["column"].set_options([channel.name for channel in usable], value=self.choices.column)
+        self._fields.by_name["column"].set_options([channel.name for channel in usable], value=self.choices.column)
 
     def _show_record(self, record: Measurement) -> None:
         show_notes(self._reader_notes, record.warnings)

@@ -21,7 +21,7 @@ from typing import Any
 from urllib.parse import parse_qs
 
 from problems.look.choices import read_takes
-from problems.look.computation import WORKER, fit_chosen
+from problems.look.computation import WORKER, fit_chosen, over_frequency
 from problems.look.page import build_page
 
 HOST = "127.0.0.1"
@@ -88,6 +88,18 @@ async def _wait_until_answered(port: int) -> None:
         await asyncio.sleep(0.05)
 
 
+def _compute(files: Sequence[str]) -> None:
+    """Compute what the page of files shows first."""
+    if over_frequency(files):
+        from problems.look.frf import FrfChoices, fit_modes, frf_poles  # slow to import, and decays do not need it
+
+        choices = FrfChoices(tuple(files))
+        frf_poles(choices)
+        fit_modes(choices)
+    else:
+        fit_chosen(read_takes(files)[0])
+
+
 def serve(files: Sequence[str], *, open_browser: bool) -> None:
     """Serve the page until it closes; print its address, and open it in the browser if wanted."""
     from nicegui import Client, app, ui  # slow to import
@@ -116,7 +128,7 @@ def serve(files: Sequence[str], *, open_browser: bool) -> None:
             app.shutdown()
 
     if files:  # while the browser starts, so that the page finds the result
-        WORKER.submit(lambda: fit_chosen(read_takes(files)[0]))
+        WORKER.submit(_compute, files)
     app.on_startup(announce)
     app.on_disconnect(lambda: app.timer(SECONDS_TO_RETURN, end_if_closed, once=True))
     settings: Any = {"show": False, "reload": False, "show_welcome_message": False, "dark": None}

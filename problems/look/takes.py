@@ -53,14 +53,14 @@ class TakesTable:
             row["is_shown"] = row["take"] == shown_take
         self._table.update()
 
-    async def show(self, takes: Takes, shown_take: int, is_wanted: Callable[[Takes, int], bool]) -> None:
+    async def show(self, takes: Takes, shown_take: int, is_wanted: Callable[[], bool]) -> None:
         """Fit takes one after another, and compare them, as long as they are those that the user wants."""
         self._table.rows[len(takes) :] = []
         for k, take in enumerate(takes):
             row = {"take": k, "is_shown": k == shown_take} | await _row(take)
             self._table.rows[k : k + 1] = [row]
             self._table.update()
-            if not is_wanted(takes, shown_take):
+            if not is_wanted():
                 return
         self._verdict.clear()
         self.report, notes = "", list[str]()

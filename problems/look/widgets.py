@@ -1,19 +1,78 @@
-"""What the panels of the page have in common: work in the one thread, notes, and charts with a brush."""
+"""What the panels of the page have in common: work in the one thread, fields, notes, and charts with a brush."""
 
 from __future__ import annotations
 
 import asyncio
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from typing import Any, TypeVar
 
 from nicegui import events, ui
 
+from problems.look.choices import DIGITS
 from problems.look.computation import WORKER
 
 T = TypeVar("T")
 
 BRUSHING = "{type: 'takeGlobalCursor', key: 'brush', brushOption: {brushType: 'lineX', brushMode: 'single'}}"
-DIGITS = 6  # of a time or a frequency that is chosen in a chart
+
+
+class Panel(ABC):
+    """A part of the page that reads and fits in the thread until it shows what the user has chosen last."""
+
+    _task: asyncio.Task[None] | None = None
+    _busy: ui.spinner
+
+    @property
+    @abstractmethod
+    def chosen(self) -> Any:
+        """All that the user has chosen."""
+
+    @abstractmethod
+    async def update(self) -> None:
+        """Read what is chosen, fit it, and show both."""
+
+    async def show(self) -> None:
+        """Read and fit until the page shows the latest choices."""
+        shown = None
+        self._busy.set_visibility(True)
+        while shown != (chosen := self.chosen):
+            await self.update()
+            shown = chosen
+        self._busy.set_visibility(False)
+
+    def start(self) -> None:
+        """Begin to show the choices, unless this is being done."""
+        if self._task is None or self._task.done():
+            self._task = asyncio.create_task(self.show())
+
+
+class Fields:
+    """Fields for options by their names, which pass a new value to a function as its argument."""
+
+    def __init__(self, choose: Callable[..., None]) -> None:
+        self._choose, self.by_name = choose, dict[str, Any]()
+
+    def select(self, name: str, options: Sequence[Any], label: str, hint: str = "") -> None:
+        """Add a field with a list."""
+
+        def choose_value(event: events.ValueChangeEventArguments[Any]) -> None:
+            self._choose(**{name: event.value})
+
+        select = ui.select([*options], label=label, on_change=choose_value, clearable=True)
+        self.by_name[name] = select.props(f'hint="{hint}"').classes("w-full").mark(name)
+
+    def text(self, name: str, label: str, hint: str) -> None:
+        """Add a field for a text."""
+        field = ui.input(label).props(f'hint="{hint}"')
+        field.on("change", lambda: self._choose(**{name: field.value or None}))
+        self.by_name[name] = field.classes("w-full").mark(name)
+
+    def number(self, name: str, label: str, hint: str = "", kind: type[float] = float) -> None:
+        """Add a field for a number."""
+        field = ui.number(label, format="%.6g").props(f'hint="{hint}"')
+        field.on("change", lambda: self._choose(**{name: None if field.value is None else kind(field.value)}))
+        self.by_name[name] = field.classes("w-full").mark(name)
 
 
 async def work(function: Callable[..., T], *arguments: Any) -> T:

@@ -119,6 +119,27 @@ def write_decay(path, samples=1601, header="t (s),tip (mm)", omega=12.3, seed=0)
     return path
 
 
+def write_functions(path, header="f (Hz),tip (mm/N),phase (deg)"):
+    """Write a function of modes at 12 and 35 Hz."""
+    f, noise = np.linspace(5.0, 50.0, 901), np.random.default_rng(0).normal(0.0, 1e-5, (2, 901))
+    values = sum(1.0 / (f0**2 - f**2 + 0.02j * f0 * f) for f0 in (12.0, 35.0)) + noise[0] + 1j * noise[1]
+    np.savetxt(
+        path,
+        np.column_stack([f, np.abs(values), np.degrees(np.angle(values))]),
+        delimiter=",",
+        header=header,
+        comments="",
+    )
+    return path
+
+
+CLICKED = """([chart, x, y]) => {
+    const element = document.querySelectorAll('.nicegui-echart')[chart], box = element.getBoundingClientRect();
+    const pixel = getElement(Number(element.id.slice(1))).chart.convertToPixel({gridIndex: 0}, [x, y]);
+    return [box.x + pixel[0], box.y + pixel[1]];
+}"""  # where a point of a chart is
+
+
 def wait_for(page, text):
     page.wait_for_function("text => document.body.innerText.includes(text)", arg=text, timeout=30_000)
 
@@ -210,8 +231,10 @@ class TestInABrowser:
         for decay, row in zip(decays, rows, strict=True):
             assert shown(decay["frequency_hz"], decay["frequency_stderr_hz"]) in row
             assert shown(100 * decay["damping_ratio"], 100 * decay["damping_ratio_stderr"]) in row
+        study.write_text(study.read_text().replace("begin = 0.5", "begin = 0.75"))
         page.set_input_files("input[type=file]", [study, *files])
-        wait_for(page, "begin = 0.5")
+        wait_for(page, "begin = 0.75")
+        wait_for(page, "the 3 records do not agree")
         assert page.locator("tbody tr").count() == 3
 
     def test_a_take_that_cannot_be_read_says_why_in_its_row(self, look, page, tmp_path):
@@ -223,6 +246,39 @@ class TestInABrowser:
         assert "none.csv" in rows[0] and "±" not in rows[0] and "±" in rows[1]
         page.locator("tr", has_text="tip.csv").click()
         wait_for(page, "linear decay")
+
+    def test_a_click_on_a_pole_fits_its_mode_and_the_command_does_the_same(self, look, page, tmp_path):
+        _, url = look(write_functions(tmp_path / "tip.csv"))
+        page.goto(url)
+        wait_for(page, "2 modes")
+        page.wait_for_timeout(500)  # until the chart is drawn
+        page.mouse.click(*page.evaluate(CLICKED, [1, 35.0, 20]))
+        wait_for(page, "--frequencies 12.0")
+        wait_for(page, "1 mode\n")
+        page.wait_for_timeout(500)
+        page.mouse.click(*page.evaluate(CLICKED, [1, 35.0, 20]))
+        wait_for(page, "2 modes")
+        text = page.inner_text("body")
+        words = re.search(r"ancf-casadi fit-frf .* --frequencies .*", text)[0]
+        report = run(*shlex.split(words)[1:])
+        assert all(line.strip() in text for line in report.splitlines() if "note" not in line)
+        (first, second) = json.loads(run(*shlex.split(words)[1:], "--json"))["modes"]
+        for mode in (first, second):
+            assert shown(mode["frequency_hz"], mode["frequency_stderr_hz"]) in text
+
+    def test_dropped_functions_say_what_they_need(self, look, page, tmp_path):
+        _, url = look()
+        page.goto(url)
+        page.wait_for_selector("input[type=file]", state="attached")
+        page.set_input_files("input[type=file]", write_functions(tmp_path / "tip.csv", "f (Hz),tip (mm/N),phase"))
+        wait_for(page, "deg or rad; give --phase-unit")
+        page.get_by_label("unit of the phases").click()
+        page.get_by_role("option", name="deg").click()
+        wait_for(page, "2 modes")
+        assert "ancf-casadi fit-frf tip.csv --phase-unit deg" in page.inner_text("body")
+        page.get_by_label("frequencies, Hz").fill("12, x")
+        page.get_by_label("frequencies, Hz").press("Enter")
+        wait_for(page, "must be numbers separated by commas")
 
     def test_a_brush_on_many_samples_fits_within_a_second(self, look, page, tmp_path):
         _, url = look(write_decay(tmp_path / "tip.csv", samples=60_000))

@@ -63,7 +63,7 @@ def build_page(files: Sequence[str], folder: Path) -> None:
             except AncfError as error:
                 ui.label(str(error)).classes("text-negative")
                 return
-        await panel.show()
+        panel.start()
 
     def frf_panel(paths: Sequence[str], origin: Path) -> Panel:
         from problems.look.frf_page import FrfPanel  # slow to import, and decays do not need it
@@ -221,9 +221,10 @@ class RecordView(Panel):
         self._command.content, self._study.content = command(takes), study(takes)
 
     def _show_columns(self, contents: Recording) -> None:
-        """Offer the columns of a file with values."""
-        usable = [c for c in contents.channels if not (c.fault or is_time(c) or is_counter(c))]
-        self._fields.by_name["column"].set_options([channel.name for channel in usable], value=self.choices.column)
+        """Offer the columns of a file with values, and the one that is chosen, which may be a number."""
+        usable = [c.name for c in contents.channels if not (c.fault or is_time(c) or is_counter(c))]
+        chosen = [] if self.choices.column in (None, *usable) else [self.choices.column]
+        self._fields.by_name["column"].set_options([*usable, *chosen], value=self.choices.column)
 
     def _show_record(self, record: Measurement) -> None:
         show_notes(self._reader_notes, record.warnings)

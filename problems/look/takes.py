@@ -60,7 +60,7 @@ class TakesTable:
             row = {"take": k, "is_shown": k == shown_take} | await _row(take)
             self._table.rows[k : k + 1] = [row]
             self._table.update()
-            if not is_wanted():
+            if self._table.is_deleted or not is_wanted():
                 return
         self._verdict.clear()
         self.report, notes = "", list[str]()

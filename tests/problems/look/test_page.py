@@ -237,6 +237,21 @@ class TestInABrowser:
         wait_for(page, "the 3 records do not agree")
         assert page.locator("tbody tr").count() == 3
 
+    def test_a_column_by_its_number_stays_chosen_also_in_a_take_without_it(self, look, page, tmp_path):
+        write_decay(tmp_path / "two.csv", header="t (s),tip (mm),middle (mm)")
+        write_decay(tmp_path / "one.csv")
+        (tmp_path / "study.toml").write_text(
+            "".join(f'[[decays]]\nfile = "{name}.csv"\ncolumn = 3\n' for name in ("two", "one"))
+        )
+        _, url = look(tmp_path / "study.toml")
+        page.goto(url)
+        wait_for(page, "The takes are not compared: one.csv: ")
+        page.locator("tr", has_text="one.csv").click()
+        page.wait_for_selector(".q-spinner.hidden", state="attached")
+        page.locator("tr", has_text="two.csv").click()
+        wait_for(page, "linear decay")
+        assert command_line(page).endswith("--column 3")
+
     def test_a_take_that_cannot_be_read_says_why_in_its_row(self, look, page, tmp_path):
         (tmp_path / "none.csv").write_text("nothing")
         _, url = look(tmp_path / "none.csv", write_decay(tmp_path / "tip.csv"))

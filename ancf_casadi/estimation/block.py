@@ -146,6 +146,11 @@ class Block(ABC):
         return 0.0
 
     @property
+    def jacobian_error(self) -> float:
+        """Largest error of the Jacobian relative to its change since the coarser block."""
+        return 1.0
+
+    @property
     def accurate(self) -> Self:
         """The block as fine as the check of determination needs it, if it is coarse."""
         return self
@@ -223,6 +228,10 @@ class Block(ABC):
 
     def doubt(self, error: Array) -> float:
         """Return the root mean square of the part of an error (m,) whose size alone is known."""
+        return 0.0
+
+    def margin(self, error: Array) -> float:
+        """Return by how much the largest error exceeds the expected one, ``error`` (m,), relative to it."""
         return 0.0
 
     def refine(self, shift: float, error: Array) -> Self | None:

@@ -1,10 +1,13 @@
 """Refinement of a fit: refine the blocks until their discretisation errors shift no estimate by much.
 
-The error of a block's discretisation shifts the estimates.  If the shift of one of them is above ``LARGEST_SHIFT``
-standard errors, the block is refined, and the fit goes on from the estimates.  An error of the derivatives shifts the
-estimates too; its size follows from the change of the Jacobian since the coarser fit.  Once this change is small, finer
-blocks keep the Jacobian, which costs more than the residuals.  Shifts of known size but unknown direction count once in
-this criterion, and ``DOUBTS`` times in the shifts that the fit states.
+The error of a block's discretisation shifts the estimates.  If the shift of one of them is typically above
+``LARGEST_SHIFT`` standard errors, the block is refined, and the fit goes on from the estimates.  An error of the
+derivatives shifts the estimates too; its size follows from the change of the Jacobian since the coarser fit.  Once this
+shift is small, finer blocks keep the Jacobian, which costs more than the residuals.
+
+A shift has a part s of known direction, and parts of which the root mean squares d_k alone are known.  Its root mean
+square, (s^2 + sum d_k^2)^1/2, decides on the refinement.  The fit states |s| + ((margin s)^2 + sum (DOUBTS d_k)^2)^1/2,
+where the largest error is (1 + margin) times the expected one.
 """
 
 from __future__ import annotations
@@ -21,7 +24,7 @@ from ancf_casadi.estimation.problem import FitProblem, refit, reweighted_jacobia
 from ancf_casadi.support.arrays import Array
 
 LARGEST_SHIFT = 0.1  # typical shift of an estimate by the error of the discretisation, above which a block is refined
-KEPT_TURN = LARGEST_SHIFT / 5  # typical shift by the change of the Jacobian, below which finer blocks keep this one
+KEPT_TURN = LARGEST_SHIFT / 2  # typical shift by the error of the Jacobian, below which finer blocks keep it
 DOUBTS = 2.0  # shift of unknown direction that a fit states, over its root mean square
 MOST_REFINEMENTS = 6  # of a block
 CHANGED_WEIGHTS = 0.05  # relative change by a refinement (test_the_noise_is_that_at_the_last_tolerance)
@@ -51,7 +54,7 @@ class Stage:
 
     problem: FitProblem
     fit: Fit
-    turn: Array | None = None  # ``jacobian_turn`` since a coarser fit; None if there is none
+    turn: Array | None = None  # typical shifts (n,) by the error of the Jacobian; None without a coarser one
 
     def check(self, block: Block, rows: slice) -> tuple[Array, Block | None]:
         """Return the shifts (n,) that the fit states for the error of a block, and a finer block; None if fine enough.
@@ -62,28 +65,29 @@ class Stage:
         error = block.error(fit.estimates, fit.residuals[rows] / scale, partial(self._is_small, block, rows))
         if not (error.any() or block.inaccuracy or block.doubt(error)):
             return np.zeros(len(fit.names)), None
-        turn = np.zeros(len(fit.names)) if self.turn is None else self.turn
-        typical = meaningful(self._shifts(block, rows, error, turn), fit, block.meaningful)
+        known, scatter = self._shifts(block, rows, error)
+        turn = np.zeros(len(fit.names)) if self.turn is None or not block.inaccuracy else self.turn
+        typical = meaningful(np.sqrt(known**2 + scatter**2 + turn**2), fit, block.meaningful)
         finer = block.refine(float(typical.max()), error)
         if finer and np.isfinite(typical).all():
             noise = standardised_residuals(fit)[rows] / scale
             finer = finer.reweight(noise + error, robust=self.problem.robust) or finer
-        return self._shifts(block, rows, error, turn, doubts=DOUBTS), finer
+        doubts = np.sqrt((block.margin(error) * known) ** 2 + DOUBTS**2 * (scatter**2 + turn**2))
+        return known + np.copysign(doubts, known), finer
 
     def _is_small(self, block: Block, rows: slice, error: Array) -> bool:
         """Return whether an error of a block shifts no estimate by much, apart from an error of the Jacobian."""
-        return bool(np.abs(self._shifts(block, rows, error, np.zeros(len(self.fit.names)))).max() <= LARGEST_SHIFT)
+        return bool(np.hypot(*self._shifts(block, rows, error)).max() <= LARGEST_SHIFT)
 
-    def _shifts(self, block: Block, rows: slice, error: Array, turn: Array, doubts: float = 1.0) -> Array:
+    def _shifts(self, block: Block, rows: slice, error: Array) -> tuple[Array, Array]:
         """Return the shifts (n,) of the estimates by the error of the residuals of a block, in standard errors.
 
-        Those of known direction add to ``doubts`` times the root mean square of others, which include ``turn``.
+        Also return the root mean squares (n,) of those by errors whose size alone is known.
         """
         fit, scale = self.fit, self.problem.scale
         change, doubt = np.zeros((2, len(fit.residuals)))
         change[rows], doubt[rows] = scale * error, scale * block.doubt(error)
-        shifts = fit.shifts(change) + (fit.remaining if block.inaccuracy else 0.0)
-        return shifts + np.copysign(doubts * np.hypot(fit.scatter(doubt), turn if block.inaccuracy else 0.0), shifts)
+        return fit.shifts(change) + (fit.remaining if block.inaccuracy else 0.0), fit.scatter(doubt)
 
     def refined(self, finer: Sequence[Block | None]) -> Stage:
         """Return the fit with finer blocks in the places of some; the coarse ones are closed."""
@@ -94,11 +98,10 @@ class Stage:
         fit = refit(self.problem, problem, self.fit, keep=keep)
         for block in coarse:
             block.close()
-        return Stage(
-            problem,
-            fit,
-            self.turn if keep else jacobian_turn(fit, reweighted_jacobian(self.problem, problem, self.fit)),
-        )
+        if keep:
+            return Stage(problem, fit, self.turn)
+        turn = jacobian_turn(fit, reweighted_jacobian(self.problem, problem, self.fit))
+        return Stage(problem, fit, max(block.jacobian_error for block in finer if block) * turn)
 
     def changed_weights(self) -> list[Block | None]:
         """Return blocks with weights by their present residuals, without errors of coarser ones; None if similar."""

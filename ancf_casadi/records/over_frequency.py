@@ -21,7 +21,15 @@ from pathlib import Path
 import numpy as np
 
 from ancf_casadi.exceptions import InputError
-from ancf_casadi.records.channel import RecordedChannel, Recording, find_channel, is_counter, is_frequency, list_labels
+from ancf_casadi.records.channel import (
+    RecordedChannel,
+    Recording,
+    find_channel,
+    is_counter,
+    is_frequency,
+    is_time,
+    list_labels,
+)
 from ancf_casadi.records.layout import TableLayout
 from ancf_casadi.records.reading.formats import read_contents
 from ancf_casadi.records.units import known_unit, parse_unit
@@ -83,6 +91,12 @@ class SpectralContents:
             if channel is chosen or role not in roles
         ]
         return replace(self, columns=tuple(columns))
+
+
+def is_over_frequency(contents: Recording) -> bool:
+    """Return whether a file has a column of frequencies, and no times."""
+    has_times = any(channel.time is not None or is_time(channel) for channel in contents.channels)
+    return not has_times and any(map(is_frequency, contents.channels))
 
 
 def read_spectral(

@@ -61,7 +61,7 @@ from problems.beam.curves.record import ResponseRecord
 from problems.beam.motions.block import MotionBlock, motion_block
 from problems.beam.motions.marker_record import MarkerRecord, motion_record
 from problems.beam.motions.record import MotionRecord
-from problems.beam.motions.weights import coarse_tolerance
+from problems.beam.motions.weights import coarse_or_wanted, coarse_tolerance
 from problems.beam.properties import (
     CLAMP_STIFFNESS,
     first_values,
@@ -282,7 +282,8 @@ def beam_problem(
     blocks: list[Block] = []
     load = tuple(name.removeprefix("start_") for name in LOADS if name in wanted)
     for configuration, numbered in _by_configuration(motions, model, models, apart):
-        coarse = max(coarse_tolerance([record for _, record in numbered], configuration.beam.length), tolerance or 0.0)
+        coarse = coarse_tolerance([record for _, record in numbered], configuration.beam.length)
+        coarse = coarse_or_wanted(coarse, tolerance) if tolerance else coarse
         settings: Any = {"load": load, "tolerance": coarse, "wanted": tolerance, "robust": robust}
         blocks.append(motion_block(configuration, numbered, law, first, **settings))
     for configuration, numbered in _by_configuration(curves, model, models, apart):

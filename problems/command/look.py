@@ -1,4 +1,4 @@
-"""``ancf-casadi look``: a page in the browser that shows a record and fits its decay while the user chooses."""
+"""``ancf-casadi look``: a page in the browser that shows records and fits them while the user chooses."""
 
 from __future__ import annotations
 
@@ -12,10 +12,11 @@ from problems.command.output import Output
 def add_look(parser: argparse.ArgumentParser) -> None:
     """Add the options."""
     parser.add_argument(
-        "file",
-        nargs="?",
+        "files",
+        nargs="*",
         metavar="FILE",
-        help="file of measurements, or study with [beam] or [[decays]]; files may also be dropped there",
+        help="file of measurements, several takes of a mode, frequency response functions, or study with [beam] or "
+        "[[decays]]; files may also be dropped there",
     )
     about = "do not open the page in a browser, only print its address"
     parser.add_argument("--no-browser", action="store_true", help=about)
@@ -23,14 +24,14 @@ def add_look(parser: argparse.ArgumentParser) -> None:
 
 def run_look(options: argparse.Namespace) -> Output:
     """Serve the page until it closes."""
-    from problems.look.choices import Choices  # these three are slow to import
+    from problems.look.choices import read_takes  # these three are slow to import
     from problems.spec.editing import has_beam
 
-    if options.file is not None and not has_beam(options.file):
-        with open_file(Choices.of(options.file).file):
+    for take in [] if has_beam(options.files) else read_takes(options.files):
+        with open_file(take.file):
             pass
     library("nicegui", "shows the page")
     from problems.look.server import serve
 
-    serve(options.file, open_browser=not options.no_browser)
+    serve(options.files, open_browser=not options.no_browser)
     return Output(lambda: {}, lambda: "the page has closed")

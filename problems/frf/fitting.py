@@ -20,7 +20,15 @@ from problems.frf.modal_sum import RESIDUAL_POWERS, ModalSum, TrialFit
 from problems.frf.record import FrfRecord
 from problems.frf.refinement import FRF_ADVICE, stated_deviations
 from problems.frf.result import FrfFit, refine_result
-from problems.frf.selection import MOST_FRF_MODES, Selection, bins, candidate_poles, poles_near, select_modes
+from problems.frf.selection import (
+    MOST_FRF_MODES,
+    Candidates,
+    Selection,
+    bins,
+    poles_near,
+    select_modes,
+    stability_chart,
+)
 
 MOST_DELAYS = 4  # largest number of corrections of the delay
 
@@ -124,11 +132,11 @@ def _fit_modes(record: FrfRecord, guesses: Array | None, mode_count: int | None)
         raise InputError(f"has too few frequencies, {len(record.frequencies)}, for {mode_count} modes", "record")
 
     deviations = stated_deviations(record)
-    scaled = values / np.sqrt(np.median(deviations**2, axis=0))
+    candidates: Candidates
     if guesses is None:
-        candidates = candidate_poles(record.frequencies, scaled, record.window.rate if record.window else 0.0)
+        candidates = stability_chart(record)
     else:
-        candidates = poles_near(model, scaled, guesses)
+        candidates = poles_near(model, values / np.sqrt(np.median(deviations**2, axis=0)), guesses)
     estimated = record.std is None and record.coherence is None
     coarse = replace(model, starts=bins(record.frequencies, candidates))
     means = coarse.bin_means(values), np.sqrt(coarse.bin_means(deviations**2) / np.sqrt(coarse.bin_sizes)[:, None])

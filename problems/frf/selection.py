@@ -43,7 +43,8 @@ from ancf_casadi.support.arrays import Array, ComplexArray, Index, Mask
 from ancf_casadi.support.optional import library
 from ancf_casadi.support.tall import inner, tall_qr, tall_times, tall_triangle
 from problems.frf.modal_sum import RESIDUAL_POWERS, ModalSum, TrialFit, quick_fit, stack_parts
-from problems.frf.refinement import fitted_deviations
+from problems.frf.record import FrfRecord
+from problems.frf.refinement import fitted_deviations, stated_deviations
 
 VERY_STRONG = 10.0  # difference of BIC that is very strong evidence
 RATIO_RANGE = (1e-5, 0.6)  # least and largest damping ratio of a candidate
@@ -73,7 +74,47 @@ class Candidates:
     recurring: Index  # indices of the modes that recur in the chart, most often first
 
 
-def candidate_poles(frequencies: Array, values: ComplexArray, window_rate: float = 0.0) -> Candidates:
+@dataclass(frozen=True, eq=False)
+class StabilityChart(Candidates):
+    """Poles of models of all orders, by frequency and order."""
+
+    orders: Index  # of the model with each pole: its number of pairs of poles, (c,)
+    is_stable: Mask  # whether a pole recurs at other orders, (c,)
+
+    def matches(self, pole: int, frequencies: Sequence[float]) -> Mask:
+        """Return which natural frequencies, Hz, are that of a pole, given by its index."""
+        f, ζ = float(self.frequencies[pole]), float(self.ratios[pole])
+        return np.asarray(np.abs(np.array(frequencies) - f) < f * (POLE_WIDTHS * ζ + POLE_DISTANCE))
+
+
+def stability_chart(record: FrfRecord) -> StabilityChart:
+    """Return the poles from which ``fit_frf`` chooses the modes of a record.
+
+    Raises
+    ------
+    InputError
+        If sdypy-EMA is missing.
+    FitError
+        If there is no pole in the band.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from problems import FrfRecord
+    >>> from problems.frf.selection import stability_chart
+    >>> f, rng = np.linspace(1.0, 3.0, 401), np.random.default_rng(0)
+    >>> values = 1.0 / (2.0**2 - f**2 + 0.04j * f) + rng.normal(0.0, 0.05, (2, 401)).T @ [1, 1j]
+    >>> chart = stability_chart(FrfRecord(f, values, "receptance"))
+    >>> print(f"{np.median(chart.frequencies[chart.is_stable]):.2f} Hz")
+    2.00 Hz
+    """
+    deviations = np.sqrt(np.median(stated_deviations(record) ** 2, axis=0))
+    return candidate_poles(
+        record.frequencies, record.columns / deviations, record.window.rate if record.window else 0.0
+    )
+
+
+def candidate_poles(frequencies: Array, values: ComplexArray, window_rate: float = 0.0) -> StabilityChart:
     """Find the poles of all orders in the band, and those that recur, without the damping of an exponential window."""
     ema = library(MODULE, "finds the poles", "sdypy-EMA, or give approximate frequencies", "sdypy-EMA")
     f, rows = _interpolate_lines(frequencies, values.T)
@@ -89,28 +130,31 @@ def candidate_poles(frequencies: Array, values: ComplexArray, window_rate: float
     if window_rate:
         poles = 2 * np.pi * f_k * (-ζ + 1j * np.sqrt(np.maximum(1 - ζ**2, 0.0))) + window_rate
         f_k, ζ = np.abs(poles) / (2 * np.pi), np.maximum(-poles.real / np.abs(poles), 2 * RATIO_RANGE[0])
-    orders = np.repeat(np.arange(len(model.pole_freq)), list(map(len, model.pole_freq)))
+    orders = np.repeat(1 + np.arange(len(model.pole_freq)), list(map(len, model.pole_freq)))
     inside = (f_k >= f[0]) & (f_k <= f[-1]) & (ζ > RATIO_RANGE[0]) & (ζ < RATIO_RANGE[1])
     if not inside.any():
         raise FitError("sdypy-EMA finds no poles in the band; give approximate frequencies")
     poles = f_k[inside], ζ[inside]
-    return Candidates(*poles, _find_recurring(*poles, orders[inside]))
+    recurring, is_stable = _find_recurring(*poles, orders[inside])
+    return StabilityChart(*poles, recurring, orders[inside], is_stable)
 
 
-def _find_recurring(frequencies: Array, ratios: Array, orders: Index) -> Index:
-    """Return the indices of poles that occur at many orders, most often first, one for each group of near ones."""
+def _find_recurring(frequencies: Array, ratios: Array, orders: Index) -> tuple[Index, Mask]:
+    """Return the indices of poles that occur at many orders, most often first, one for each group of near ones.
+
+    The mask has all poles of these groups.
+    """
     poles = frequencies * (-ratios + 1j * np.sqrt(1 - ratios**2))
     width = frequencies * ratios
     distance = np.abs(poles[:, None] - poles)
     is_near = distance < POLE_WIDTHS * width[:, None] + POLE_DISTANCE * frequencies[:, None]
     order_counts = np.array([len(np.unique(orders[row])) for row in is_near])
+    is_stable = order_counts >= max(LEAST_ORDERS, LEAST_ORDER_SHARE * orders.max())
     recurring: list[int] = []
     for k in np.argsort(-order_counts, kind="stable").tolist():
-        if order_counts[k] < max(LEAST_ORDERS, LEAST_ORDER_SHARE * (orders.max() + 1)):
-            break
-        if (distance[k, recurring] > width[k] + POLE_DISTANCE * frequencies[k]).all():
+        if is_stable[k] and (distance[k, recurring] > width[k] + POLE_DISTANCE * frequencies[k]).all():
             recurring.append(k)
-    return np.array(recurring, dtype=np.int64)
+    return np.array(recurring, dtype=np.int64), is_stable
 
 
 def poles_near(model: ModalSum, values: ComplexArray, frequencies: Array) -> Candidates:

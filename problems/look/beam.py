@@ -28,7 +28,7 @@ from problems.look.beam_computation import (
 from problems.look.charts import Options
 from problems.look.computation import WORKER
 from problems.look.form import Change, Form
-from problems.look.widgets import report_label, set_options, show_notes
+from problems.look.widgets import Panel, report_label, set_options, show_notes
 from problems.spec.editing import EditedStudy, Place
 
 DECADES = 1.0  # that a slider spans to either side of the first guess
@@ -38,14 +38,13 @@ POLLING = 0.2  # s between two looks at the progress
 T = TypeVar("T")
 
 
-class BeamView:
+class BeamPanel(Panel):
     """The part of the page that belongs to a study with a beam."""
 
     def __init__(self, file: str) -> None:
         self.study = EditedStudy.of(file)
         self._works: list[Work] = []  # that the thread of all computations has yet to finish
         self._fitting = False
-        self._task: asyncio.Task[None] | None = None
         self._mode = 1
         self._charts: Sequence[Options] = ()  # of the modes
         self._sliders: dict[tuple[str, Place], Callable[[Unknown], None]] = {}  # each shows a guess
@@ -60,14 +59,10 @@ class BeamView:
                 self._build_motion()
                 self._build_study()
 
-    async def show(self) -> None:
-        """Compute until the page shows the latest study."""
-        study = None
-        self._busy.set_visibility(True)
-        while study is not self.study:
-            study = self.study
-            await self._update(study)
-        self._busy.set_visibility(False)
+    @property
+    def chosen(self) -> EditedStudy:
+        """The latest study."""
+        return self.study
 
     def choose(self, change: Change) -> None:
         """Change the study, and compute anew."""
@@ -77,8 +72,7 @@ class BeamView:
             self._form_error.text = str(error)
             return
         self._stop()
-        if self._task is None or self._task.done():
-            self._task = asyncio.create_task(self.show())
+        self.start()
 
     def _build_beam(self) -> None:
         columns = [
@@ -114,8 +108,9 @@ class BeamView:
         name = Path(self.study.file.path).name
         ui.button("save the study", on_click=lambda: ui.download.content(self.study.text, name))
 
-    async def _update(self, study: EditedStudy) -> None:
-        """Show a study, the beam at rest, and its motion."""
+    async def update(self) -> None:
+        """Show the study, the beam at rest, and its motion."""
+        study = self.study
         self._text.content = study.text
         self._form.show(study)
         try:

@@ -15,11 +15,15 @@ from problems.look.computation import DecayView
 from problems.study.formatting import shown
 
 BINS = 1500  # pixels of a wide screen
+SPARKLINE = (160, 28)  # pixels
 RECORD, FIT, BAND = "#5470c6", "#d9480f", "rgba(217, 72, 15, 0.18)"
 PART = "rgba(136, 136, 136, 0.12)"  # of the record that was fitted
 TEXT, LINES = "#888", "rgba(136, 136, 136, 0.25)"  # on light and on dark pages
 GRID = {"left": 70, "right": 20, "top": 34, "bottom": 44}
 Options = dict[str, Any]
+BRUSH: Options = {
+    "xAxisIndex": 0, "brushType": "lineX", "brushMode": "single", "toolbox": [], "throttleType": "debounce",
+}  # fmt: skip
 
 
 def record_chart(time: Array, values: Array, label: str) -> Options:
@@ -28,7 +32,7 @@ def record_chart(time: Array, values: Array, label: str) -> Options:
         {"name": "record", "type": "line", "data": thin(time, values), "color": RECORD, "lineStyle": {"width": 1}},
         {"name": "fit", "type": "line", "data": [], "color": FIT, "lineStyle": {"width": 1, "opacity": 0.8}},
     ]
-    return line_chart("time, s", label, lines) | {"brush": _brush()}
+    return line_chart("time, s", label, lines) | {"brush": BRUSH}
 
 
 def show_fit(chart: Options, view: DecayView) -> None:
@@ -57,11 +61,11 @@ def residual_chart(view: DecayView) -> Options:
 
 def spectrum_chart(frequencies: Array, amplitudes: Array) -> Options:
     """Return the chart of a spectrum, with a brush over the frequencies."""
-    floor = 1e-6 * amplitudes.max(initial=1e-300)
+    floor = 1e-6 * amplitudes.max(initial=1e-12)
     data = thin(frequencies[1:], np.maximum(amplitudes[1:], floor))
     options = line_chart("frequency, Hz", "amplitude", [{"type": "line", "data": data, "color": RECORD}])
     options["yAxis"]["type"] = "log"
-    return options | {"brush": _brush()}
+    return options | {"brush": BRUSH}
 
 
 def amplitude_chart(view: DecayView, quantity: str) -> Options:
@@ -100,18 +104,26 @@ def at_amplitude(view: DecayView, k: int) -> str:
     return f"at {curve.amplitude[k]:.3g} {curve.unit}: {values} (95 %)"
 
 
-def thin(x: Array, y: Array) -> list[list[float]]:
-    """Return points (x, y), of many only the smallest and the largest y in each of ``BINS`` parts, in order of x."""
-    if len(x) > 4 * BINS:
-        edges = np.linspace(0, len(x), BINS + 1).astype(int)[:-1]
-        bins = np.split(np.arange(len(x)), edges[1:])
-        extremes = np.unique([k for part in bins for k in (part[y[part].argmin()], part[y[part].argmax()])])
+def sparkline(time: Array, values: Array) -> str:
+    """Return the points of a small line for SVG."""
+    x, y = np.array(thin(time, values, SPARKLINE[0] // 2)).T
+    parts = [(z - z.min()) / max(float(np.ptp(z)), np.finfo(float).tiny) for z in (x, -y)]
+    points = np.column_stack([1 + part * (size - 2) for part, size in zip(parts, SPARKLINE, strict=True)])
+    return " ".join(f"{across:.1f},{down:.1f}" for across, down in points)
+
+
+def thin(x: Array, y: Array, bins: int = BINS) -> list[list[float]]:
+    """Return points (x, y), of many only the smallest and the largest y in each of some parts, in order of x."""
+    if len(x) > 4 * bins:
+        edges = np.linspace(0, len(x), bins + 1).astype(int)[:-1]
+        parts = np.split(np.arange(len(x)), edges[1:])
+        extremes = np.unique([k for part in parts for k in (part[y[part].argmin()], part[y[part].argmax()])])
         x, y = x[extremes], y[extremes]
     return np.column_stack([x, y]).tolist()  # type: ignore[no-any-return]
 
 
 def line_chart(x: str, y: str, series: list[Options]) -> Options:
-    """Return a chart with the labels of its axes."""
+    """Return a chart with the names of its axes."""
     number = {
         ":formatter": "value => String(Number(value.toPrecision(6)))",
         "showMinLabel": False,
@@ -128,7 +140,3 @@ def line_chart(x: str, y: str, series: list[Options]) -> Options:
         "yAxis": axis | {"name": y, "nameGap": 52},
         "series": series,
     }
-
-
-def _brush() -> Options:
-    return {"xAxisIndex": 0, "brushType": "lineX", "brushMode": "single", "toolbox": [], "throttleType": "debounce"}

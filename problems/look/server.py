@@ -14,15 +14,16 @@ import secrets
 import socket
 import tempfile
 import webbrowser
-from collections.abc import Awaitable, Callable, MutableMapping
+from collections.abc import Awaitable, Callable, MutableMapping, Sequence
 from http.cookies import CookieError, SimpleCookie
 from pathlib import Path
 from typing import Any
 from urllib.parse import parse_qs
 
-from problems.look.choices import Choices
-from problems.look.computation import WORKER, fit_chosen
+from problems.look.choices import read_takes
+from problems.look.computation import WORKER, fit_chosen, over_frequency
 from problems.look.page import build_page
+from problems.spec.editing import has_beam
 
 HOST = "127.0.0.1"
 COOKIE = "ancf_casadi_token"
@@ -88,7 +89,19 @@ async def _wait_until_answered(port: int) -> None:
         await asyncio.sleep(0.05)
 
 
-def serve(file: str | None, *, open_browser: bool) -> None:
+def _compute(files: Sequence[str]) -> None:
+    """Compute what the page of files shows first."""
+    if over_frequency(files):
+        from problems.look.frf import FrfChoices, fit_modes, frf_poles  # slow to import, and decays do not need it
+
+        choices = FrfChoices(tuple(files))
+        frf_poles(choices)
+        fit_modes(choices)
+    elif not has_beam(files):
+        fit_chosen(read_takes(files)[0])
+
+
+def serve(files: Sequence[str], *, open_browser: bool) -> None:
     """Serve the page until it closes; print its address, and open it in the browser if wanted."""
     from nicegui import Client, app, ui  # slow to import
 
@@ -103,7 +116,7 @@ def serve(file: str | None, *, open_browser: bool) -> None:
 
     @ui.page("/", title="ancf-casadi")
     def _page() -> None:
-        build_page(file, Path(folder.name))
+        build_page(files, Path(folder.name))
 
     async def announce() -> None:
         await _wait_until_answered(port)
@@ -115,8 +128,8 @@ def serve(file: str | None, *, open_browser: bool) -> None:
         if not any(client.has_socket_connection for client in Client.instances.values()):
             app.shutdown()
 
-    if file is not None:  # while the browser starts, so that the page finds the result
-        WORKER.submit(lambda: fit_chosen(Choices.of(file)))
+    if files:  # while the browser starts, so that the page finds the result
+        WORKER.submit(_compute, files)
     app.on_startup(announce)
     app.on_disconnect(lambda: app.timer(SECONDS_TO_RETURN, end_if_closed, once=True))
     settings: Any = {"show": False, "reload": False, "show_welcome_message": False, "dark": None}

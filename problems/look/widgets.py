@@ -1,11 +1,83 @@
-"""What the panels of the page have in common: notes, reports and charts."""
+"""What the panels of the page have in common: work in the one thread, fields, notes, and charts with a brush."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Any
+import asyncio
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Sequence
+from typing import Any, TypeVar
 
-from nicegui import ui
+from nicegui import events, ui
+
+from problems.look.choices import DIGITS
+from problems.look.computation import WORKER
+
+T = TypeVar("T")
+
+BRUSHING = "{type: 'takeGlobalCursor', key: 'brush', brushOption: {brushType: 'lineX', brushMode: 'single'}}"
+
+
+class Panel(ABC):
+    """A part of the page that reads and fits in the thread until it shows what the user has chosen last."""
+
+    _task: asyncio.Task[None] | None = None
+    _busy: ui.spinner
+
+    @property
+    @abstractmethod
+    def chosen(self) -> Any:
+        """All that the user has chosen."""
+
+    @abstractmethod
+    async def update(self) -> None:
+        """Read what is chosen, fit it, and show both."""
+
+    async def show(self) -> None:
+        """Read and fit until the page shows the latest choices."""
+        shown = None
+        self._busy.set_visibility(True)
+        while shown != (chosen := self.chosen):
+            await self.update()
+            shown = chosen
+        self._busy.set_visibility(False)
+
+    def start(self) -> None:
+        """Begin to show the choices, unless this is being done."""
+        if self._task is None or self._task.done():
+            self._task = asyncio.create_task(self.show())
+
+
+class Fields:
+    """Fields for options by their names, which pass a new value to a function as its argument."""
+
+    def __init__(self, choose: Callable[..., None]) -> None:
+        self._choose, self.by_name = choose, dict[str, Any]()
+
+    def select(self, name: str, options: Sequence[Any], label: str, hint: str = "") -> None:
+        """Add a field with a list."""
+
+        def choose_value(event: events.ValueChangeEventArguments[Any]) -> None:
+            self._choose(**{name: event.value})
+
+        select = ui.select([*options], label=label, on_change=choose_value, clearable=True)
+        self.by_name[name] = select.props(f'hint="{hint}"').classes("w-full").mark(name)
+
+    def text(self, name: str, label: str, hint: str) -> None:
+        """Add a field for a text."""
+        field = ui.input(label).props(f'hint="{hint}"')
+        field.on("change", lambda: self._choose(**{name: field.value or None}))
+        self.by_name[name] = field.classes("w-full").mark(name)
+
+    def number(self, name: str, label: str, hint: str = "", kind: type[float] = float) -> None:
+        """Add a field for a number."""
+        field = ui.number(label, format="%.6g").props(f'hint="{hint}"')
+        field.on("change", lambda: self._choose(**{name: None if field.value is None else kind(field.value)}))
+        self.by_name[name] = field.classes("w-full").mark(name)
+
+
+async def work(function: Callable[..., T], *arguments: Any) -> T:
+    """Return the result of a function that the thread of all computations calls."""
+    return await asyncio.get_running_loop().run_in_executor(WORKER, function, *arguments)
 
 
 def show_notes(column: ui.column, notes: Sequence[str]) -> None:
@@ -21,8 +93,28 @@ def report_label() -> ui.label:
     return ui.label().classes("w-full overflow-x-auto whitespace-pre font-mono text-xs")
 
 
+def brushed_chart(choose_interval: Callable[[float, float], None], size: str) -> ui.echart:
+    """Return a chart in which the user brushes over an interval."""
+
+    def end_brush(event: events.GenericEventArguments) -> None:
+        if areas := event.args["areas"]:
+            low, high = (float(f"{end:.{DIGITS}g}") for end in areas[0]["coordRange"])
+            choose_interval(low, high)
+            chart.run_chart_method("dispatchAction", {"type": "brush", "areas": []})
+
+    chart = ui.echart({}).classes(f"w-full {size}")
+    return chart.on("chart:brushEnd", end_brush, ["areas"])
+
+
 def set_options(chart: ui.echart, options: dict[str, Any]) -> None:
     """Draw a chart with other options."""
     chart.options.clear()
     chart.options.update(options)
+    redraw(chart)
+
+
+def redraw(chart: ui.echart) -> None:
+    """Draw a chart with its new options; the pointer brushes in it, once the browser has drawn it."""
     chart.update()
+    if "brush" in chart.options:
+        chart.client.run_javascript(f"setTimeout(() => getElement({chart.id}).chart.dispatchAction({BRUSHING}), 100)")

@@ -87,9 +87,9 @@ def guess_places(file: StudyFile, names: Sequence[str]) -> dict[str, Place]:
     return {name: place for name, place in reversed(places) if name in names and value_at(file.tables, place)}
 
 
-def has_beam(path: str) -> bool:
-    """Return whether a file is a study with a beam."""
-    return Path(path).suffix.lower() == ".toml" and "beam" in read_toml(path)
+def has_beam(files: Sequence[str]) -> bool:
+    """Return whether files are one study with a beam."""
+    return len(files) == 1 and Path(files[0]).suffix.lower() == ".toml" and "beam" in read_toml(files[0])
 
 
 def value_at(tables: Any, place: Place) -> Any:

@@ -46,6 +46,7 @@ from problems.beam.mesh import split_law, split_model, split_record
 from problems.beam.motions.record import Channel, MotionRecord, channel_labels, record_titles
 from problems.beam.motions.weights import (
     ACCURATE,
+    CHECK_RATIO,
     ERROR_ORDER,
     LEAST_ORDER,
     MODEL_STD,
@@ -53,6 +54,7 @@ from problems.beam.motions.weights import (
     RATIO,
     TIGHTEST,
     TYPICAL,
+    coarse_or_wanted,
     first_weights,
     tighter,
 )
@@ -75,6 +77,7 @@ class MotionBlock(Block):
     weights: SeriesWeights = field(kw_only=True)  # of the channels
     wanted: float | None = None  # the tolerance of the fit; None if its error shows which is needed
     expected: Array | None = None  # error of the residuals (m,) to expect after that at a larger tolerance
+    coarser: float = 0.0  # that tolerance; 0 if there is none
 
     @property
     def records(self) -> Sequence[MotionRecord]:
@@ -111,6 +114,12 @@ class MotionBlock(Block):
     def inaccuracy(self) -> float:
         """Norm of the integration error of all readings that fits may leave: the check of the error includes it."""
         return 2.0 * self.negligible
+
+    @property
+    def jacobian_error(self) -> float:
+        """Largest error of the Jacobian relative to its change since the coarser tolerance."""
+        decrease = float((self.tolerance / self.coarser) ** LEAST_ORDER)
+        return decrease / (1.0 - decrease)
 
     @property
     def accurate(self) -> Self:
@@ -210,9 +219,11 @@ class MotionBlock(Block):
     @cached_property
     def _finer(self) -> Self:
         """The same motions at the next smaller tolerance."""
-        wanted = self.wanted if self.wanted and self.wanted < self.tolerance else 0.0
-        tolerance = self.tolerance / RATIO
-        return replace(self, tolerance=tolerance if tolerance > 2.0 * wanted else wanted, before=self)
+        ratio = CHECK_RATIO if self.coarser and not self.wanted else RATIO
+        tolerance = max(self.tolerance / ratio, TIGHTEST / RATIO)
+        if self.wanted and self.wanted < self.tolerance:
+            tolerance = coarse_or_wanted(tolerance, self.wanted)
+        return replace(self, tolerance=tolerance, before=self)
 
     def error(self, values: Mapping[str, float], residuals: Array, small: Callable[[Array], bool]) -> Array:
         """Return the error of residuals, from a coarser run, or one at a smaller tolerance."""
@@ -220,6 +231,12 @@ class MotionBlock(Block):
             return self.expected
         change = self._finer.residuals_at(values) - residuals
         return np.asarray(change / (1.0 - _decrease(self, self._finer)))
+
+    def margin(self, error: Array) -> float:
+        """Return by how much an error of the least order exceeds the expected one, relative to it."""
+        if error is self.expected:
+            return 0.0
+        return (1.0 - _decrease(self, self._finer)) / (1.0 - _decrease(self, self._finer, LEAST_ORDER)) - 1.0
 
     def doubt(self, error: Array) -> float:
         """Return the part of an error that another tolerance does not show: the motion at the smaller one has errors.
@@ -236,15 +253,15 @@ class MotionBlock(Block):
         if self.tolerance <= (self.wanted or TIGHTEST) or not (self.wanted or needed):
             return None
         finer, tolerance = self._finer, tighter(self.tolerance, excess)
-        if not self.wanted and tolerance < finer.tolerance / 2:
+        if self.coarser and not self.wanted and tolerance < finer.tolerance / 2:
             finer = replace(self, tolerance=tolerance, before=self)
-        reduction = (finer.tolerance / self.tolerance) ** LEAST_ORDER
-        return replace(finer, expected=reduction * error, before=finer)
+        reduction = _decrease(self, finer, LEAST_ORDER)
+        return replace(finer, expected=reduction * error, before=finer, coarser=self.tolerance)
 
     @cached_property
     def rough(self) -> Self:
-        """The same motions at a larger tolerance, whose error those on two meshes share; at the one that is wanted."""
-        return replace(self, tolerance=self.wanted or RATIO * self.tolerance, before=self)
+        """The same motions, at a tolerance whose error those on two meshes share."""
+        return replace(self, tolerance=self.wanted or max(self.tolerance, self.coarser / RATIO), before=self)
 
     def largest_bend(self, values: Mapping[str, float]) -> float:
         """Return the largest bend of an element at the steps of the motions, rad."""
@@ -363,9 +380,9 @@ def sensor_noise(blocks: Sequence[Block]) -> dict[Sensor, float]:
     return {channel.sensor: deviation for of_block in pairs for channel, deviation in of_block}
 
 
-def _decrease(block: MotionBlock, finer: MotionBlock) -> float:
+def _decrease(block: MotionBlock, finer: MotionBlock, order: float = ERROR_ORDER) -> float:
     """Return the integration error of finer motions relative to that of motions."""
-    return float((finer.tolerance / block.tolerance) ** ERROR_ORDER)
+    return float((finer.tolerance / block.tolerance) ** order)
 
 
 def _problem(block: MotionBlock, record: MotionRecord) -> SensitivityProblem:

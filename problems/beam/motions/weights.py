@@ -18,13 +18,15 @@ No standard deviation is below ``MODEL_STD`` times the travel of the channel, th
 The tolerance of the integration follows from its error.  An error c of the computed readings shifts the estimates
 (``Fit.shifts``), and it is part of the residuals.  A fit begins at a coarse tolerance (``coarse_tolerance``), because
 far from the minimum nothing has to be accurate.  At its estimates, one integration without derivatives at a tolerance
-smaller by the factor r gives c = (change of the readings)/(1 - r^-p), with the order p of the error, ``ERROR_ORDER``.
-The fit goes on from there at a tolerance smaller by r, at which the error is taken to be at most r^-p c with the order
-``LEAST_ORDER``, besides an error of unknown direction, ``TYPICAL`` of that.  If this typically shifts an estimate by
-more than ``LARGEST_SHIFT`` standard errors, the error is computed again, and so on, until its shifts are small, and its
-root mean square is below ``MOST_VISIBLE`` standard deviations of the noise.  The error of the derivatives counts too
-(``ancf_casadi.estimation.refinement``).  In 40 releases and base motions of a strip under four laws, the error falls
-from 1e-4 to 1e-5 with the orders 0.3 to 1.3, below 0.4 in three of them, and 0.87 at the median.
+smaller by the factor r gives c = (change of the readings)/(1 - r^-p), with the order p of the error, ``ERROR_ORDER``,
+or at least ``LEAST_ORDER``.  The fit goes on from there at a tolerance smaller by r, at which the error is taken to be
+r^-p c with the least order, besides an error of unknown direction, ``TYPICAL`` of that.  If this typically shifts an
+estimate by more than ``LARGEST_SHIFT`` standard errors, the error is computed again, and so on, until its shifts are
+small, and its root mean square is below ``MOST_VISIBLE`` standard deviations of the noise.  The error of the
+derivatives counts too (``ancf_casadi.estimation.refinement``); it is at most r^-p/(1 - r^-p) times the change of the
+derivatives since the last tolerance.  In 40 releases and base motions of a strip under four laws, the error falls from
+1e-4 to 1e-5 with the orders 0.3 to 1.3, and 0.87 at the median.  A released strip rings: as long as steps do not follow
+a mode, its error is the same at each tolerance, so a check of the error takes a much smaller one (``CHECK_RATIO``).
 
 A record may itself be integrated.  Without noise, the residuals are then the integration errors of the record and of
 the fit.  These are not white noise: they stay in phase with the motion, and a parameter absorbs most of them, so that
@@ -45,14 +47,14 @@ from ancf_casadi.exceptions import InputError
 from ancf_casadi.support.arrays import Array
 from problems.beam.motions.record import FEWEST_SAMPLES, Channel, MotionRecord
 
-COARSE, COARSE_PER_TRAVEL = 1e-4, 2e-3  # first tolerance: at most, and over the travel relative to the length
-COARSE_WITHOUT_POSITIONS = 1e-5
+COARSE, COARSE_PER_TRAVEL = 10**-3.5, 10**-2.2  # first tolerance: at most, and over the travel relative to the length
+COARSE_WITHOUT_POSITIONS = 10**-4.5
 ACCURATE = 1e-6  # for a motion that is not fitted
-RATIO = 10.0  # of successive tolerances; errors at closer ones may be alike
+RATIO, CHECK_RATIO = 10.0, 10**1.5  # of the first tolerance to the second one, and of later ones
 TYPICAL = 0.5  # integration error relative to that which is at most expected
 MOST_VISIBLE = 0.2  # root mean square of an integration error that may be part of the residuals, standard deviations
-ERROR_ORDER, LEAST_ORDER = 0.7, 0.4  # p, as expected and at least
-TIGHTEST = 1e-10  # smallest tolerance; it is checked at 1e-11, where rounding sets in
+ERROR_ORDER, LEAST_ORDER = 0.7, 0.3  # p, as expected and at least
+TIGHTEST = 1e-10  # smallest tolerance; it is checked at a tenth, where rounding sets in
 MOST_TIGHTENING = 100.0  # factor of the tolerance in one step
 LENGTHS = ("position", "displacement")
 MODEL_STD = 2e-5  # systematic error of a record, relative to its travel
@@ -112,6 +114,11 @@ def coarse_tolerance(records: Sequence[MotionRecord], length: float) -> float:
     channels = [channel for record in records for channel in record.own_channels]
     travels = [float(channel.measurement.values.std()) for channel in channels if channel.sensor.quantity in LENGTHS]
     return min(COARSE, COARSE_PER_TRAVEL * max(travels) / length) if travels else COARSE_WITHOUT_POSITIONS
+
+
+def coarse_or_wanted(coarse: float, wanted: float) -> float:
+    """Return a coarse tolerance, or the wanted one if they are close: errors at close tolerances may be alike."""
+    return coarse if coarse > 0.99 * RATIO * wanted else wanted
 
 
 def tighter(tolerance: float, excess: float) -> float:

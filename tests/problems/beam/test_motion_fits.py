@@ -152,12 +152,12 @@ def test_the_shift_by_the_error_of_integration_is_found_from_one_tighter_integra
     moved = (fine.fit.values - coarse.fit.values) / coarse.fit.errors
     assert abs(moved[0]) > 0.5
     assert (coarse.solution.shifts[0] / moved >= 1.0).all()  # the doubt about the tighter one is added
-    assert (coarse.solution.shifts[0] / moved < 1.5).all()
+    assert (coarse.solution.shifts[0] / moved < 2.0).all()  # 1/(1 - r^-p) with r = 10 and the least order
     (note,) = [note for note in coarse.warnings if note.startswith("the integration error")]
     assert "shifts eta2 by" in note
     assert "let the fit select the tolerance" in coarse.report()
     assert "integrated at the tolerance 1.0e-04" in coarse.report()
-    assert abs(fine.shifts[0]) < LARGEST_SHIFT / 5 and not any("integration" in warning for warning in fine.warnings)
+    assert abs(fine.shifts[0]) < LARGEST_SHIFT and not any("integration" in warning for warning in fine.warnings)
     (said,) = fine.to_dict()["records"]
     assert said["tolerance"] == 1e-8 and said["integration_shifts"] == fine.solution.shifts[0].tolist()
 
@@ -182,7 +182,7 @@ def test_the_shift_of_a_ringing_motion_is_not_understated_though_coarser_motions
     residuals = replace(fitted, tolerance=1e-7, before=None).residuals_at(fit.estimates)
     moved = np.abs(fit.shifts(solution.problem.scale * residuals - fit.residuals))
     assert (moved > 0.03).all()
-    assert (moved < np.abs(solution.shifts[0])).all() and np.abs(solution.shifts).max() < LARGEST_SHIFT
+    assert (moved < np.abs(solution.shifts[0])).all() and (np.abs(solution.shifts[0]) < 3 * moved).all()
 
 
 @pytest.mark.slow
@@ -253,10 +253,10 @@ def test_the_first_tolerance_follows_the_travel():
     time = np.arange(2000) / 1000.0
     swing = np.stack([np.sin(8 * time), np.cos(5 * time)], axis=1)
     small, large = ([motion_record(MarkerRecord(time, size * swing))] for size in (1e-3, 0.1))
-    assert coarse_tolerance(small, 0.5) == pytest.approx(2e-3 * 1e-3 / math.sqrt(2) / 0.5, rel=0.05)
+    assert coarse_tolerance(small, 0.5) == pytest.approx(10**-2.2 * 1e-3 / math.sqrt(2) / 0.5, rel=0.05)
     assert coarse_tolerance(large, 0.5) == COARSE
     accelerations = Measurement(time, swing[:, 0], sensor=Sensor("acceleration"))
-    assert coarse_tolerance([motion_record(accelerations)], 0.5) == 1e-5
+    assert coarse_tolerance([motion_record(accelerations)], 0.5) == 10**-4.5
 
 
 def test_a_motion_that_fails_at_the_guess_is_reported(model, driven):

@@ -521,6 +521,18 @@ def test_a_delay_is_taken_out_and_named(case):
     assert float(note.split()[3]) == pytest.approx(1e3 * delay, rel=0.02)
 
 
+def test_poles_of_the_modes_are_stable_in_the_chart(four_modes):
+    f, modes = four_modes
+    noise = 1e-5 * complex_noise(np.random.default_rng(1), (3, 1, f.size))
+    chart = selection.stability_chart(FrfRecord(f, modal_sum(f, modes) + noise, "receptance"))
+    natural = [frequency for frequency, _, _ in modes]
+    assert len(chart.frequencies) == len(chart.orders) == len(chart.is_stable)
+    assert chart.orders.min() >= 1 and chart.orders.max() <= 40
+    assert chart.is_stable[chart.recurring].all()
+    for k in np.flatnonzero(chart.is_stable & (chart.orders == chart.orders.max())):
+        assert chart.matches(int(k), natural).sum() == 1
+
+
 def test_bins_are_few_and_lose_three_percent_of_the_precision_at_most():
     f, natural, ratio = np.arange(8.0, 32.0, 0.01), np.array([15.0]), np.array([0.01])
     lines = ModalSum.of(f, "receptance", RESIDUAL_POWERS[0])

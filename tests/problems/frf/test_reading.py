@@ -6,6 +6,8 @@ from scipy.io import savemat
 
 from ancf_casadi import InputError, read_recording
 from ancf_casadi.records.layout import TableLayout
+from ancf_casadi.records.over_frequency import is_over_frequency
+from ancf_casadi.records.reading.formats import read_contents
 from problems import FrfRecord, fit_frf
 from problems.frf.record import frf_unit
 
@@ -45,6 +47,7 @@ class TestUniversalFiles:
         np.testing.assert_allclose(record.values[:, 0], H, rtol=1e-5)
         np.testing.assert_allclose(record.frequencies, F, rtol=1e-6)
         assert record.kind == "receptance"
+        assert is_over_frequency(read_contents(tmp_path / "a.uff"))
 
     def test_a_matrix_of_outputs_and_inputs_in_any_order(self, tmp_path):
         functions = [(4, 1, H[0]), (7, 2, 3 * H[1]), (4, 2, 2 * H[0]), (7, 1, H[1])]
@@ -181,3 +184,12 @@ def test_decibels_refer_to_their_unit(tmp_path, unit, factor):
     record = FrfRecord.from_file(path)
     assert record.kind == "receptance"
     np.testing.assert_allclose(record.values[0, 0], H[0])
+
+
+@pytest.mark.parametrize(
+    ("head", "over_frequency"),
+    [("f (Hz),tip (mm/N),phase (deg)", True), ("time (s),f (Hz),tip (mm)", False), ("a,b,c", False)],
+)
+def test_a_file_with_frequencies_and_no_times_is_over_frequency(tmp_path, head, over_frequency):
+    path = table(tmp_path / "a.csv", head, F, abs(H[0]), abs(H[1]))
+    assert is_over_frequency(read_contents(path)) is over_frequency

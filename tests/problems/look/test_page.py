@@ -17,6 +17,7 @@ pytest.importorskip("nicegui")
 
 from problems.look.charts import BINS, thin
 from problems.look.server import Guard
+from problems.study.formatting import shown
 from tests.problems.look.conftest import in_browser, run, wait_for
 
 TOKEN, ADDRESS = "secret", "127.0.0.1:1234"
@@ -71,13 +72,34 @@ def test_a_thinned_line_keeps_its_extremes():
     assert points[:, 1].min() == y.min() and points[:, 1].max() == y.max()
 
 
-def write_decay(path, samples=1601, header="t (s),tip (mm)"):
-    time = np.linspace(0.0, 8.0, samples)
-    y = 20.0 * np.exp(-0.25 * time) * np.cos(12.3 * time) + 0.05 * np.random.default_rng(0).normal(size=time.size)
+def write_decay(path, samples=1601, header="t (s),tip (mm)", omega=12.3, seed=0):
+    time, noise = np.linspace(0.0, 8.0, samples), np.random.default_rng(seed).normal(size=samples)
+    y = 20.0 * np.exp(-0.25 * time) * np.cos(omega * time) + 0.05 * noise
     np.savetxt(
         path, np.column_stack([time, y, 2 * y][: header.count(",") + 1]), delimiter=",", header=header, comments=""
     )
     return path
+
+
+def write_functions(path, header="f (Hz),tip (mm/N),phase (deg)"):
+    """Write a function of modes at 12 and 35 Hz."""
+    f, noise = np.linspace(5.0, 50.0, 901), np.random.default_rng(0).normal(0.0, 1e-5, (2, 901))
+    values = sum(1.0 / (f0**2 - f**2 + 0.02j * f0 * f) for f0 in (12.0, 35.0)) + noise[0] + 1j * noise[1]
+    np.savetxt(
+        path,
+        np.column_stack([f, np.abs(values), np.degrees(np.angle(values))]),
+        delimiter=",",
+        header=header,
+        comments="",
+    )
+    return path
+
+
+CLICKED = """([chart, x, y]) => {
+    const element = document.querySelectorAll('.nicegui-echart')[chart], box = element.getBoundingClientRect();
+    const pixel = getElement(Number(element.id.slice(1))).chart.convertToPixel({gridIndex: 0}, [x, y]);
+    return [box.x + pixel[0], box.y + pixel[1]];
+}"""  # where a point of a chart is
 
 
 def brush(page, begin, end, chart=0):
@@ -111,10 +133,10 @@ class TestInABrowser:
             page.get_by_text("save study.toml").click()
         study = Path(download.value.path()).rename(tmp_path / "study.toml")
         report = run("fit-decay", *shlex.split(command_line(page))[2:])
-        shown = page.inner_text("body")
-        assert all(line.strip() in shown for line in report.splitlines())
+        text = page.inner_text("body")
+        assert all(line.strip() in text for line in report.splitlines())
         (decay,) = json.loads(run("run", study, "--json"))["decays"]
-        assert f"frequency                 {decay['frequency_hz']:.6g} +-" in shown
+        assert f"frequency                 {decay['frequency_hz']:.6g} +-" in text
         assert page.hosts == {urllib.parse.urlsplit(url).netloc}
 
     def test_the_value_at_the_cursor_has_its_error(self, look, page, tmp_path):
@@ -140,6 +162,91 @@ class TestInABrowser:
         assert "--column 'middle (mm)'" in command_line(page)
         page.close()
         assert process.wait(timeout=30) == 0  # the page has closed
+
+    def test_takes_are_listed_and_compared_and_saved_as_one_study(self, look, page, tmp_path):
+        _, url = look()
+        page.goto(url)
+        page.wait_for_selector("input[type=file]", state="attached")
+        files = [write_decay(tmp_path / f"take{k}.csv", omega=12.3 + k / 50, seed=k) for k in (0, 1, 2)]
+        page.set_input_files("input[type=file]", files)
+        wait_for(page, "the 3 records do not agree")
+        assert command_line(page) == "ancf-casadi fit-decay take0.csv take1.csv take2.csv"
+        page.locator("tr", has_text="take1.csv").click()
+        page.get_by_label("begin").fill("0.5")
+        page.get_by_label("begin").press("Enter")
+        wait_for(page, "ancf-casadi run study.toml")
+        page.wait_for_selector(".q-spinner.hidden", state="attached")
+        with page.expect_download() as download:
+            page.get_by_text("save study.toml").click()
+        study = Path(download.value.path()).rename(tmp_path / "study.toml")
+        decays = json.loads(run("run", study, "--json"))["decays"]
+        rows = page.locator("tbody tr").all_inner_texts()
+        for decay, row in zip(decays, rows, strict=True):
+            assert shown(decay["frequency_hz"], decay["frequency_stderr_hz"]) in row
+            assert shown(100 * decay["damping_ratio"], 100 * decay["damping_ratio_stderr"]) in row
+        study.write_text(study.read_text().replace("begin = 0.5", "begin = 0.75"))
+        page.set_input_files("input[type=file]", [study, *files])
+        wait_for(page, "begin = 0.75")
+        wait_for(page, "the 3 records do not agree")
+        assert page.locator("tbody tr").count() == 3
+
+    def test_a_column_by_its_number_stays_chosen_also_in_a_take_without_it(self, look, page, tmp_path):
+        write_decay(tmp_path / "two.csv", header="t (s),tip (mm),middle (mm)")
+        write_decay(tmp_path / "one.csv")
+        (tmp_path / "study.toml").write_text(
+            "".join(f'[[decays]]\nfile = "{name}.csv"\ncolumn = 3\n' for name in ("two", "one"))
+        )
+        _, url = look(tmp_path / "study.toml")
+        page.goto(url)
+        wait_for(page, "The takes are not compared: one.csv: ")
+        page.locator("tr", has_text="one.csv").click()
+        page.wait_for_selector(".q-spinner.hidden", state="attached")
+        page.locator("tr", has_text="two.csv").click()
+        wait_for(page, "linear decay")
+        assert command_line(page).endswith("--column 3")
+
+    def test_a_take_that_cannot_be_read_says_why_in_its_row(self, look, page, tmp_path):
+        (tmp_path / "none.csv").write_text("nothing")
+        _, url = look(tmp_path / "none.csv", write_decay(tmp_path / "tip.csv"))
+        page.goto(url)
+        wait_for(page, "The takes are not compared")
+        rows = page.locator("tbody tr").all_inner_texts()
+        assert "none.csv" in rows[0] and "±" not in rows[0] and "±" in rows[1]
+        page.locator("tr", has_text="tip.csv").click()
+        wait_for(page, "linear decay")
+
+    def test_a_click_on_a_pole_fits_its_mode_and_the_command_does_the_same(self, look, page, tmp_path):
+        _, url = look(write_functions(tmp_path / "tip.csv"))
+        page.goto(url)
+        wait_for(page, "2 modes")
+        page.wait_for_timeout(500)  # until the chart is drawn
+        page.mouse.click(*page.evaluate(CLICKED, [1, 35.0, 20]))
+        wait_for(page, "--frequencies 12.0")
+        wait_for(page, "1 mode\n")
+        page.wait_for_timeout(500)
+        page.mouse.click(*page.evaluate(CLICKED, [1, 35.0, 20]))
+        wait_for(page, "2 modes")
+        text = page.inner_text("body")
+        words = re.search(r"ancf-casadi fit-frf .* --frequencies .*", text)[0]
+        report = run(*shlex.split(words)[1:])
+        assert all(line.strip() in text for line in report.splitlines() if "note" not in line)
+        (first, second) = json.loads(run(*shlex.split(words)[1:], "--json"))["modes"]
+        for mode in (first, second):
+            assert shown(mode["frequency_hz"], mode["frequency_stderr_hz"]) in text
+
+    def test_dropped_functions_say_what_they_need(self, look, page, tmp_path):
+        _, url = look()
+        page.goto(url)
+        page.wait_for_selector("input[type=file]", state="attached")
+        page.set_input_files("input[type=file]", write_functions(tmp_path / "tip.csv", "f (Hz),tip (mm/N),phase"))
+        wait_for(page, "deg or rad; give --phase-unit")
+        page.get_by_label("unit of the phases").click()
+        page.get_by_role("option", name="deg").click()
+        wait_for(page, "2 modes")
+        assert "ancf-casadi fit-frf tip.csv --phase-unit deg" in page.inner_text("body")
+        page.get_by_label("frequencies, Hz").fill("12, x")
+        page.get_by_label("frequencies, Hz").press("Enter")
+        wait_for(page, "must be numbers separated by commas")
 
     def test_a_brush_on_many_samples_fits_within_a_second(self, look, page, tmp_path):
         _, url = look(write_decay(tmp_path / "tip.csv", samples=60_000))

@@ -111,6 +111,6 @@ def test_other_texts_than_values_are_refused(text):
 
 
 def test_a_study_with_a_beam_is_told_from_other_files(study_file):
-    assert has_beam(str(study_file("[beam]")))
-    assert not has_beam(str(study_file("[[decays]]")))
-    assert not has_beam("motion.csv")
+    assert has_beam([str(study_file("[beam]"))])
+    assert not has_beam([str(study_file("[[decays]]"))])
+    assert not has_beam(["motion.csv"]) and not has_beam([])

@@ -24,10 +24,9 @@ def add_look(parser: argparse.ArgumentParser) -> None:
 
 def run_look(options: argparse.Namespace) -> Output:
     """Serve the page until it closes."""
-    from problems.look.choices import read_takes  # these three are slow to import
-    from problems.spec.editing import has_beam
+    from problems.look.choices import read_takes, shows_beam  # these two are slow to import
 
-    for take in [] if has_beam(options.files) else read_takes(options.files):
+    for take in [] if shows_beam(options.files) else read_takes(options.files):
         with open_file(take.file):
             pass
     library("nicegui", "shows the page")

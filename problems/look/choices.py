@@ -62,6 +62,15 @@ class Choices(CommandOptions):
 Takes = tuple[Choices, ...]
 
 
+def shows_beam(files: Sequence[str]) -> bool:
+    """Return whether the files are a study of a beam."""
+    if all(Path(file).suffix.lower() != ".toml" for file in files):
+        return False
+    from problems.spec.editing import has_beam  # slow to import, and records do not need it
+
+    return has_beam(files)
+
+
 def read_takes(files: Sequence[str]) -> Takes:
     """Return the choices for files of measurements, or for the decays of a study, a file ``.toml`` among them."""
     study_path = next((file for file in files if Path(file).suffix.lower() == ".toml"), None)

@@ -30,11 +30,20 @@ from problems.look.charts import (
     show_fit,
     spectrum_chart,
 )
-from problems.look.choices import STUDY_NAME, Choices, Takes, beside, change_takes, command, read_takes, study
+from problems.look.choices import (
+    STUDY_NAME,
+    Choices,
+    Takes,
+    beside,
+    change_takes,
+    command,
+    read_takes,
+    shows_beam,
+    study,
+)
 from problems.look.computation import DecayView, fit_chosen, over_frequency, recording, spectrum, whole_record
 from problems.look.takes import TakesTable
 from problems.look.widgets import Fields, Panel, brushed_chart, redraw, report_label, set_options, show_notes, work
-from problems.spec.editing import has_beam
 from problems.study.formatting import shown
 
 LAWS_OF = {"law": Law, "frequency_law": FrequencyLaw, "rest": Rest}
@@ -87,7 +96,7 @@ def new_panel(files: Sequence[str], origin: Path, is_over_frequency: bool) -> Pa
         from problems.look.frf_page import FrfPanel  # this one and the next are slow to import
 
         return FrfPanel(files, origin)
-    if has_beam(files):
+    if shows_beam(files):
         from problems.look.beam import BeamPanel
 
         return BeamPanel(files[0])

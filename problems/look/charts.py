@@ -21,9 +21,10 @@ PART = "rgba(136, 136, 136, 0.12)"  # of the record that was fitted
 TEXT, LINES = "#888", "rgba(136, 136, 136, 0.25)"  # on light and on dark pages
 GRID = {"left": 70, "right": 20, "top": 34, "bottom": 44}
 Options = dict[str, Any]
-BRUSH: Options = {
-    "xAxisIndex": 0, "brushType": "lineX", "brushMode": "single", "toolbox": [], "throttleType": "debounce",
-}  # fmt: skip
+BRUSHED: Options = {
+    "brush": {"xAxisIndex": 0, "brushType": "lineX", "brushMode": "single", "throttleType": "debounce"},
+    "toolbox": {"show": False},  # whose buttons ECharts adds to a brush
+}
 
 
 def record_chart(time: Array, values: Array, label: str) -> Options:
@@ -32,7 +33,7 @@ def record_chart(time: Array, values: Array, label: str) -> Options:
         {"name": "record", "type": "line", "data": thin(time, values), "color": RECORD, "lineStyle": {"width": 1}},
         {"name": "fit", "type": "line", "data": [], "color": FIT, "lineStyle": {"width": 1, "opacity": 0.8}},
     ]
-    return line_chart("time, s", label, lines) | {"brush": BRUSH}
+    return line_chart("time, s", label, lines) | BRUSHED
 
 
 def show_fit(chart: Options, view: DecayView) -> None:
@@ -65,7 +66,7 @@ def spectrum_chart(frequencies: Array, amplitudes: Array) -> Options:
     data = thin(frequencies[1:], np.maximum(amplitudes[1:], floor))
     options = line_chart("frequency, Hz", "amplitude", [{"type": "line", "data": data, "color": RECORD}])
     options["yAxis"]["type"] = "log"
-    return options | {"brush": BRUSH}
+    return options | BRUSHED
 
 
 def amplitude_chart(view: DecayView, quantity: str) -> Options:
@@ -110,6 +111,12 @@ def sparkline(time: Array, values: Array) -> str:
     parts = [(z - z.min()) / max(float(np.ptp(z)), np.finfo(float).tiny) for z in (x, -y)]
     points = np.column_stack([1 + part * (size - 2) for part, size in zip(parts, SPARKLINE, strict=True)])
     return " ".join(f"{across:.1f},{down:.1f}" for across, down in points)
+
+
+def sparkline_of_values(values: Array) -> str:
+    """Return the points of a small line of the finite values, one after another; none for fewer than two."""
+    finite = values[np.isfinite(values)]
+    return sparkline(np.arange(finite.size, dtype=float), finite) if finite.size > 1 else ""
 
 
 def thin(x: Array, y: Array, bins: int = BINS) -> list[list[float]]:

@@ -10,7 +10,7 @@ from ancf_casadi.support.arrays import Array, ComplexArray
 from problems.frf.record import FrfRecord
 from problems.frf.result import FrfFit
 from problems.frf.selection import StabilityChart
-from problems.look.charts import BRUSH, FIT, PART, RECORD, TEXT, Options, line_chart, thin
+from problems.look.charts import BRUSHED, FIT, PART, RECORD, TEXT, Options, line_chart, thin
 
 MOST_DRAWN = 8  # functions
 POLE, STABLE = "#999", "#2f9e44"
@@ -22,7 +22,7 @@ def magnitude_chart(record: FrfRecord) -> Options:
     series = [_line("measured", data, RECORD) for data in drawn] + [_line("fitted", [], FIT) for _ in drawn]
     options = line_chart("frequency, Hz", f"magnitude, {record.unit}", series)
     options["yAxis"]["type"] = "log"
-    return _over(options, record) | {"brush": BRUSH}
+    return _over(options, record) | BRUSHED
 
 
 def show_modes(chart: Options, fit: FrfFit) -> None:

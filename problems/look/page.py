@@ -28,6 +28,7 @@ from problems.look.charts import (
     record_chart,
     residual_chart,
     show_fit,
+    sparkline_of_values,
     spectrum_chart,
 )
 from problems.look.choices import (
@@ -41,12 +42,25 @@ from problems.look.choices import (
     shows_beam,
     study,
 )
-from problems.look.computation import DecayView, fit_chosen, over_frequency, recording, spectrum, whole_record
+from problems.look.computation import DecayView, contents, fit_chosen, over_frequency, recording, spectrum, whole_record
 from problems.look.takes import TakesTable
-from problems.look.widgets import Fields, Panel, brushed_chart, redraw, report_label, set_options, show_notes, work
+from problems.look.widgets import (
+    Fields,
+    Panel,
+    brushed_chart,
+    on_double_click,
+    redraw,
+    report_label,
+    set_options,
+    show_lines,
+    show_notes,
+    work,
+)
 from problems.study.formatting import shown
 
 LAWS_OF = {"law": Law, "frequency_law": FrequencyLaw, "rest": Rest}
+PART_HINTS = {"begin": "or brush over the record", "end": "", "release_time": "or double-click on it in the record"}
+LEAST_SHOWN = 0.0005  # probability of a law; the report has all
 SHOWS_RECORD = {"time", "time_unit", "sample_rate", "column", "unit", "sensor"}  # options that show another record
 
 
@@ -85,9 +99,16 @@ def build_page(files: Sequence[str], folder: Path) -> None:
             auto_upload=True,
         )
         upload.props("flat bordered").style("max-height: 3.5rem").mark("upload")
+    ui.add_css(".q-uploader__subtitle { display: none }")
     body = ui.column().classes("w-full")
     if files:
         ui.timer(0.0, lambda: show_files(files, folder), once=True)
+        return
+    with body:
+        ui.label(
+            "Drop a record of a free decay, several takes of it, frequency response functions, or a study; "
+            "or choose files with +."
+        )
 
 
 def new_panel(files: Sequence[str], origin: Path, is_over_frequency: bool) -> Panel:
@@ -145,23 +166,24 @@ class RecordPanel(Panel):
     def _build_choices(self) -> None:
         self._fields = Fields(self.choose)
         self._name = ui.label().classes("text-subtitle1 break-all")
+        self._reading_error = ui.label().classes("text-negative break-words w-full").mark("reading-error")
         self._fields.select("column", [], "column")
         self._fields.text("unit", "unit", "such as mm, g or 0.25 mm")
         self._fields.select("sensor", get_args(Quantity), "sensor", "default: as the unit tells")
+        self._fields.select("time", [], "time", "column of the times; default: as its name tells")
+        self._fields.text("time_unit", "time unit", "such as ms")
         self._fields.number("sample_rate", "samples per second", "for a file without times")
-        self._reading_error = ui.label().classes("text-negative").mark("reading-error")
         self._reader_notes = ui.column().classes("w-full gap-1").mark("reader-notes")
         ui.label("Part to fit, s").classes("text-subtitle2")
-        for name in ("begin", "end", "release_time"):
-            self._fields.number(name, name.replace("_", " "))
+        for name, hint in PART_HINTS.items():
+            self._fields.number(name, name.replace("_", " "), hint)
         self._release = ui.label()
         self._band = ui.label()
         ui.button("all times and frequencies", on_click=self._choose_all).props("flat dense")
         ui.label("Laws").classes("text-subtitle2")
         for name, laws in LAWS_OF.items():
-            default = "linear" if name == "law" else "constant, or auto if the law is"
+            default = "linear; auto compares all" if name == "law" else "constant, or auto if the law is"
             self._fields.select(name, [*get_args(laws), "auto"], name.replace("_", " "), f"default: {default}")
-        self._probabilities = ui.column().classes("w-full gap-0").mark("probabilities")
         self._fields.by_name["robust"] = ui.checkbox(
             "limit the influence of outliers", on_change=lambda event: self.choose(robust=event.value)
         )
@@ -170,21 +192,30 @@ class RecordPanel(Panel):
         with ui.row(align_items="center"):
             self._summary = ui.label().classes("text-subtitle1").mark("summary")
             self._busy = ui.spinner()
+        self._probabilities = ui.label().mark("probabilities")
         self._fit_error = ui.label().classes("text-negative").mark("fit-error")
+        self._lines = ui.row().mark("lines")
+        with ui.column().classes("w-full") as self._results:
+            self._build_charts()
+        ui.label("The command and the study that do the same").classes("text-subtitle2")
+        self._command = ui.code("", language="bash").classes("w-full").mark("command")
+        self._study = ui.code("", language="toml").classes("w-full").mark("study")
+        with ui.row():
+            ui.button("save study.toml", on_click=lambda: ui.download.content(self._study.content, STUDY_NAME))
+            self._saving = [
+                ui.button("save the report", on_click=self._save_report),
+                ui.button("save the figure", on_click=self._save_figure),
+            ]
+
+    def _build_charts(self) -> None:
         self._record_chart = brushed_chart(lambda low, high: self.choose(begin=low, end=high), "h-64")
+        on_double_click(self._record_chart, lambda time: self.choose(release_time=time))
         with ui.grid(columns="minmax(0, 1fr) minmax(0, 1fr)").classes("w-full"):
             self._residual_chart = ui.echart({}).classes("w-full h-56")
             self._spectrum_chart = brushed_chart(lambda low, high: self.choose(band=(max(low, 0.0), high)), "h-56")
             self._curves = {name: ui.echart({}).classes("w-full h-56") for name in ("damping_ratio", "frequency")}
         self._notes = ui.column().classes("w-full gap-1").mark("notes")
         self._report = report_label().mark("report")
-        ui.label("The command and the study that do the same").classes("text-subtitle2")
-        self._command = ui.code("", language="bash").classes("w-full").mark("command")
-        self._study = ui.code("", language="toml").classes("w-full").mark("study")
-        with ui.row():
-            ui.button("save study.toml", on_click=lambda: ui.download.content(self._study.content, STUDY_NAME))
-            ui.button("save the report", on_click=self._save_report)
-            ui.button("save the figure", on_click=self._save_figure)
 
     def _choose_all(self) -> None:
         self.choose(begin=None, end=None, release_time=None, band=None)
@@ -200,15 +231,18 @@ class RecordPanel(Panel):
         self._show_choices(choices)
         try:
             if self._reading_changed:
+                self._lines.clear()
+                self._offer("time", [channel.name for channel in (await work(contents, choices.file)).channels])
                 self._show_columns(await work(recording, choices))
                 self._show_record(await work(whole_record, choices))
                 self._reading_changed = False
         except AncfError as error:
-            self._reading_error.text = str(error)
+            self._reading_error.text = str(error).removeprefix(f"{choices.file}: ")
             self._forget_fit("")
-            set_options(self._record_chart, {})
+            self._results.set_visibility(False)
             return
         self._reading_error.text = ""
+        self._results.set_visibility(True)
         try:
             view = await work(fit_chosen, choices)
         except AncfError as error:
@@ -222,27 +256,36 @@ class RecordPanel(Panel):
     def _forget_fit(self, reason: str) -> None:
         """Say why there is no fit, and show none."""
         self._view, self._fit_error.text = None, reason
-        self._summary.text = self._report.text = self._release.text = ""
-        for column in (self._notes, self._probabilities):
-            column.clear()
+        self._summary.text = self._report.text = self._release.text = self._probabilities.text = ""
+        self._notes.clear()
+        for button in self._saving:
+            button.disable()
         for chart in (self._residual_chart, *self._curves.values()):
             set_options(chart, {})
 
     def _show_choices(self, choices: Choices) -> None:
         """Show the choices in their fields, and the command and the study."""
         for name, field in self._fields.by_name.items():
-            if name != "column":  # whose options the file tells
+            if name not in ("column", "time"):  # whose options the file tells
                 field.value = getattr(choices, name)
         self._band.text = "band: " + ("{:g} to {:g} Hz".format(*choices.band) if choices.band else "all frequencies")
         takes = tuple(replace(take, file=beside(take.file, self._folder)) for take in self.takes)
         self._name.text = Path(choices.file).name
         self._command.content, self._study.content = command(takes), study(takes)
 
-    def _show_columns(self, contents: Recording) -> None:
-        """Offer the columns of a file with values, and the one that is chosen, which may be a number."""
-        usable = [c.name for c in contents.channels if not (c.fault or is_time(c) or is_counter(c))]
-        chosen = [] if self.choices.column in (None, *usable) else [self.choices.column]
-        self._fields.by_name["column"].set_options([*usable, *chosen], value=self.choices.column)
+    def _show_columns(self, record: Recording) -> None:
+        """Offer the columns of a file with values, as lines if the user must choose one."""
+        usable = {c.name: c.values for c in record.channels if not (c.fault or is_time(c) or is_counter(c))}
+        self._offer("column", [*usable])
+        if self.choices.column is None and len(usable) > 1:
+            lines = {name: sparkline_of_values(values) for name, values in usable.items()}
+            show_lines(self._lines, lines, lambda name: self.choose(column=name))
+
+    def _offer(self, name: str, columns: Sequence[str]) -> None:
+        """Offer columns in a field, and the one that is chosen, which may be a number."""
+        value = getattr(self.choices, name)
+        chosen = [] if value in (None, *columns) else [value]
+        self._fields.by_name[name].set_options([*columns, *chosen], value=value)
 
     def _show_record(self, record: Measurement) -> None:
         show_notes(self._reader_notes, record.warnings)
@@ -267,7 +310,10 @@ class RecordPanel(Panel):
         self._release.text = f"release at {fit.release_time:.6g} s: {fit.release_reason}"
         show_notes(self._notes, fit.warnings)
         ranking = sorted(view.probabilities.items(), key=lambda pair: -pair[1])
-        show_notes(self._probabilities, [f"{100 * probability:.1f} %: {law}" for law, probability in ranking])
+        words = [f"{law} {100 * probability:.1f} %" for law, probability in ranking if probability >= LEAST_SHOWN]
+        self._probabilities.text = f"Probabilities of the laws: {', '.join(words)}" if words else ""
+        for button in self._saving:
+            button.enable()
 
     def _save_report(self) -> None:
         reports = [self._table.report if self._table else "", self._report.text]

@@ -89,7 +89,7 @@ async def _row(take: Choices) -> dict[str, Any]:
         row["record"] = sparkline(record.time, record.values)
         view = await work(fit_chosen, take)
     except AncfError as error:
-        return row | {"error": str(error)}
+        return row | {"error": str(error).removeprefix(f"{take.file}: ")}
     fit = view.fit
     row["release"] = f"{fit.release_time:.6g}"
     for name, scale in (("frequency", 1.0), ("damping_ratio", 100.0)):

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import asyncio
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, TypeVar
 
 from nicegui import events, ui
 
+from problems.look.charts import SPARKLINE
 from problems.look.choices import DIGITS
 from problems.look.computation import WORKER
 
@@ -60,17 +61,17 @@ class Fields:
             self._choose(**{name: event.value})
 
         select = ui.select([*options], label=label, on_change=choose_value, clearable=True)
-        self.by_name[name] = select.props(f'hint="{hint}"').classes("w-full").mark(name)
+        self.by_name[name] = select.props(f'dense hint="{hint}"').classes("w-full").mark(name)
 
     def text(self, name: str, label: str, hint: str) -> None:
         """Add a field for a text."""
-        field = ui.input(label).props(f'hint="{hint}"')
+        field = ui.input(label).props(f'dense hint="{hint}"')
         field.on("change", lambda: self._choose(**{name: field.value or None}))
         self.by_name[name] = field.classes("w-full").mark(name)
 
     def number(self, name: str, label: str, hint: str = "", kind: type[float] = float) -> None:
         """Add a field for a number."""
-        field = ui.number(label, format="%.6g").props(f'hint="{hint}"')
+        field = ui.number(label, format="%.6g").props(f'dense hint="{hint}"')
         field.on("change", lambda: self._choose(**{name: None if field.value is None else kind(field.value)}))
         self.by_name[name] = field.classes("w-full").mark(name)
 
@@ -86,6 +87,19 @@ def show_notes(column: ui.column, notes: Sequence[str]) -> None:
     with column:
         for note in notes:
             ui.label(note).classes("text-sm border-l-4 border-orange-400 pl-2")
+
+
+def show_lines(row: ui.row, lines: Mapping[str, str], choose: Callable[[str], None]) -> None:
+    """Show columns as buttons with small lines in place of those in a row; a click chooses the name of one."""
+    row.clear()
+    width, height = SPARKLINE
+    with row:
+        ui.label("Choose a column:").classes("w-full text-subtitle2")
+        for name, points in lines.items():
+            with ui.button(on_click=lambda name=name: choose(name)).props("outline no-caps"):
+                with ui.element("svg").props(f"width={width} height={height}"):
+                    ui.element("polyline").props(f'points="{points}" fill=none stroke=currentColor')
+                ui.label(name).classes("pl-2 break-all")
 
 
 def report_label() -> ui.label:
@@ -104,6 +118,12 @@ def brushed_chart(choose_interval: Callable[[float, float], None], size: str) ->
 
     chart = ui.echart({}).classes(f"w-full {size}")
     return chart.on("chart:brushEnd", end_brush, ["areas"])
+
+
+def on_double_click(chart: ui.echart, choose_value: Callable[[float], None]) -> None:
+    """Let a double click in a chart choose a value of its horizontal axis."""
+    script = f"event => emit(getElement({chart.id}).chart.convertFromPixel({{xAxisIndex: 0}}, event.offsetX))"
+    chart.on("dblclick", lambda event: choose_value(float(f"{event.args:.{DIGITS}g}")), js_handler=script)
 
 
 def set_options(chart: ui.echart, options: dict[str, Any]) -> None:

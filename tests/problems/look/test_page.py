@@ -163,6 +163,55 @@ class TestInABrowser:
         page.close()
         assert process.wait(timeout=30) == 0  # the page has closed
 
+    def test_a_click_on_the_line_of_a_column_chooses_it_and_saving_waits_for_a_fit(self, look, page, tmp_path):
+        _, url = look(write_decay(tmp_path / "two.csv", header="t (s),tip (mm),middle (mm)"))
+        page.goto(url)
+        wait_for(page, "Choose a column")
+        assert page.get_by_role("button", name="save the report").is_disabled()
+        page.get_by_role("button", name="middle (mm)").click()
+        wait_for(page, "±")
+        assert "--column 'middle (mm)'" in command_line(page)
+        assert "Choose a column" not in page.inner_text("body")
+        with page.expect_download() as download:
+            page.get_by_role("button", name="save the report").click()
+        assert "linear decay" in Path(download.value.path()).read_text()
+        assert page.evaluate("document.querySelectorAll('canvas').length") == 5
+        page.get_by_label("unit", exact=True).fill("parsecs")
+        page.get_by_label("unit", exact=True).press("Enter")
+        wait_for(page, "not a known unit")
+        assert not any(canvas.is_visible() for canvas in page.locator("canvas").all())
+        assert page.get_by_role("button", name="save the figure").is_disabled()
+
+    def test_a_double_click_chooses_the_release_and_laws_have_probabilities(self, look, page, tmp_path):
+        _, url = look(write_decay(tmp_path / "tip.csv"))
+        page.set_viewport_size({"width": 1000, "height": 1000})
+        page.goto(url)
+        wait_for(page, "±")
+        page.wait_for_timeout(1000)  # until the chart is drawn
+        page.mouse.dblclick(*page.evaluate(CLICKED, [0, 2.0, 0.0]))
+        wait_for(page, "--release-time")
+        (release,) = re.findall(r"--release-time (\S+)", command_line(page))
+        assert float(release) == pytest.approx(2.0, abs=0.02)
+        assert "--begin" not in command_line(page)
+        page.get_by_label("law", exact=True).click()
+        page.get_by_role("option", name="auto").first.click()
+        wait_for(page, "Probabilities of the laws: linear ")
+        assert page.evaluate("document.documentElement.scrollWidth") == 1000
+
+    def test_the_column_of_times_is_chosen_where_several_could_be(self, look, page, tmp_path):
+        time = np.linspace(0.0, 8.0, 801)
+        columns = [time, 3.0 * time, np.exp(-0.25 * time) * np.cos(12.3 * time)]
+        np.savetxt(tmp_path / "tip.csv", np.column_stack(columns), delimiter=",", header="a,b,tip (mm)", comments="")
+        _, url = look(tmp_path / "tip.csv")
+        page.goto(url)
+        wait_for(page, "choose with --time")
+        page.get_by_label("time", exact=True).click()
+        page.get_by_role("option", name="a", exact=True).click()
+        wait_for(page, "Choose a column")
+        page.get_by_role("button", name="tip (mm)").click()
+        wait_for(page, "±")
+        assert command_line(page).endswith("--time a --column 'tip (mm)'")
+
     def test_takes_are_listed_and_compared_and_saved_as_one_study(self, look, page, tmp_path):
         _, url = look()
         page.goto(url)

@@ -166,7 +166,7 @@ class RecordPanel(Panel):
     def _build_choices(self) -> None:
         self._fields = Fields(self.choose)
         self._name = ui.label().classes("text-subtitle1 break-all")
-        self._reading_error = ui.label().classes("text-negative break-words w-full").mark("reading-error")
+        self._reading_error = ui.label().classes("text-negative break-words w-full empty:hidden").mark("reading-error")
         self._fields.select("column", [], "column")
         self._fields.text("unit", "unit", "such as mm, g or 0.25 mm")
         self._fields.select("sensor", get_args(Quantity), "sensor", "default: as the unit tells")
@@ -192,9 +192,9 @@ class RecordPanel(Panel):
         with ui.row(align_items="center"):
             self._summary = ui.label().classes("text-subtitle1").mark("summary")
             self._busy = ui.spinner()
-        self._probabilities = ui.label().mark("probabilities")
-        self._fit_error = ui.label().classes("text-negative").mark("fit-error")
-        self._lines = ui.row().mark("lines")
+        self._probabilities = ui.label().classes("empty:hidden").mark("probabilities")
+        self._fit_error = ui.label().classes("text-negative empty:hidden").mark("fit-error")
+        self._lines = ui.row().classes("empty:hidden").mark("lines")
         with ui.column().classes("w-full") as self._results:
             self._build_charts()
         ui.label("The command and the study that do the same").classes("text-subtitle2")

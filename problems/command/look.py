@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 
 from ancf_casadi.support.files import open_file
-from ancf_casadi.support.optional import library
+from ancf_casadi.support.optional import find_module, library
 from problems.command.output import Output
 
 
@@ -24,13 +24,13 @@ def add_look(parser: argparse.ArgumentParser) -> None:
 
 def run_look(options: argparse.Namespace) -> Output:
     """Serve the page until it closes."""
-    from problems.look.choices import read_takes  # these three are slow to import
-    from problems.spec.editing import has_beam
+    from problems.look.choices import has_beam, read_takes  # these two are slow to import
 
     for take in [] if has_beam(options.files) else read_takes(options.files):
         with open_file(take.file):
             pass
     library("nicegui", "shows the page")
+    find_module("tomlkit", "changes the study of a beam")
     from problems.look.server import serve
 
     serve(options.files, open_browser=not options.no_browser)

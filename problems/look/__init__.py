@@ -4,5 +4,5 @@
 fits with the public functions; ``charts`` lays the results out; ``page`` and ``takes`` show decays, with what panels
 have in common in ``widgets``; ``frf``, ``frf_charts`` and ``frf_page`` do all this for frequency response functions;
 ``beam``, ``beam_computation`` and ``beam_charts`` for a study with a beam, whose ``form`` is made from the declarations
-of its tables; and ``server`` keeps the page to this machine.
+of its tables, and whose text ``editing`` changes; and ``server`` keeps the page to this machine.
 """

@@ -27,9 +27,9 @@ from problems.look.beam_computation import (
 )
 from problems.look.charts import Options
 from problems.look.computation import WORKER
+from problems.look.editing import EditedStudy, Place
 from problems.look.form import Change, Form
 from problems.look.widgets import Panel, report_label, set_options, show_notes
-from problems.spec.editing import EditedStudy, Place
 
 DECADES = 1.0  # that a slider spans to either side of the first guess
 RESOLUTION = 1e-3  # of a slider

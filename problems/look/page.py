@@ -30,11 +30,10 @@ from problems.look.charts import (
     show_fit,
     spectrum_chart,
 )
-from problems.look.choices import STUDY_NAME, Choices, Takes, beside, change_takes, command, read_takes, study
+from problems.look.choices import STUDY_NAME, Choices, Takes, beside, change_takes, command, has_beam, read_takes, study
 from problems.look.computation import DecayView, fit_chosen, over_frequency, recording, spectrum, whole_record
 from problems.look.takes import TakesTable
 from problems.look.widgets import Fields, Panel, brushed_chart, redraw, report_label, set_options, show_notes, work
-from problems.spec.editing import has_beam
 from problems.study.formatting import shown
 
 LAWS_OF = {"law": Law, "frequency_law": FrequencyLaw, "rest": Rest}

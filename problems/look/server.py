@@ -20,10 +20,9 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import parse_qs
 
-from problems.look.choices import read_takes
+from problems.look.choices import has_beam, read_takes
 from problems.look.computation import WORKER, fit_chosen, over_frequency
 from problems.look.page import build_page
-from problems.spec.editing import has_beam
 
 HOST = "127.0.0.1"
 COOKIE = "ancf_casadi_token"

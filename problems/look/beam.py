@@ -6,7 +6,6 @@ change stops what is being computed, and so does the button beside the fit.
 
 from __future__ import annotations
 
-import asyncio
 import math
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -26,10 +25,9 @@ from problems.look.beam_computation import (
     has_records,
 )
 from problems.look.charts import Options
-from problems.look.computation import WORKER
 from problems.look.editing import EditedStudy, Place
 from problems.look.form import Change, Form
-from problems.look.widgets import Panel, report_label, set_options, show_notes
+from problems.look.widgets import Panel, report_label, set_options, show_notes, work
 
 DECADES = 1.0  # that a slider spans to either side of the first guess
 RESOLUTION = 1e-3  # of a slider
@@ -128,19 +126,19 @@ class BeamPanel(Panel):
 
     async def _compute(self, function: Callable[[EditedStudy], T], study: EditedStudy) -> T | None:
         """Return the result of a function for a study; None if it was stopped."""
-        work = Work()
-        self._works.append(work)
+        computation = Work()
+        self._works.append(computation)
         self._show_progress()
         try:
-            return await asyncio.get_running_loop().run_in_executor(WORKER, work.run, function, study)
+            return await work(computation.run, function, study)
         finally:
-            self._works.remove(work)
+            self._works.remove(computation)
             self._show_progress()
 
     def _stop(self) -> None:
         """Stop all that is being computed."""
-        for work in self._works:
-            work.stop.set()
+        for computation in self._works:
+            computation.stop.set()
 
     async def _show_motion(
         self, function: Callable[[EditedStudy], MotionView], study: EditedStudy

@@ -264,8 +264,5 @@ class RecordPanel(Panel):
         ui.download.content("\n\n".join(filter(None, reports)), "report.txt")
 
     async def _save_figure(self) -> None:
-        from ancf_casadi.figures.files import figure_bytes  # matplotlib is slow to import
-
-        if (view := self._view) is not None:
-            picture = await work(lambda: figure_bytes(view.fit.figure(), ".png"))
-            ui.download.content(picture, "fit.png")
+        if self._view is not None:
+            await self.save_figure(self._view.fit.figure)

@@ -19,14 +19,13 @@ from ancf_casadi.exceptions import AncfError
 from problems.look.beam_computation import (
     BeamAtRest,
     MotionView,
-    Work,
     beam_at_rest,
     computed_motion,
     fit_study,
     has_records,
 )
 from problems.look.charts import Options
-from problems.look.computation import WORKER
+from problems.look.computation import WORKER, Work
 from problems.look.form import Change, Form
 from problems.look.widgets import Panel, report_label, set_options, show_notes
 from problems.spec.editing import EditedStudy, Place
@@ -128,7 +127,7 @@ class BeamPanel(Panel):
 
     async def _compute(self, function: Callable[[EditedStudy], T], study: EditedStudy) -> T | None:
         """Return the result of a function for a study; None if it was stopped."""
-        work = Work()
+        work = Work("fit")
         self._works.append(work)
         self._show_progress()
         try:

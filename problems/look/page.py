@@ -32,6 +32,7 @@ from problems.look.charts import (
 )
 from problems.look.choices import STUDY_NAME, Choices, Takes, beside, change_takes, command, read_takes, study
 from problems.look.computation import DecayView, fit_chosen, over_frequency, recording, spectrum, whole_record
+from problems.look.film import Tracks, is_film
 from problems.look.takes import TakesTable
 from problems.look.widgets import Fields, Panel, brushed_chart, redraw, report_label, set_options, show_notes, work
 from problems.spec.editing import has_beam
@@ -56,7 +57,7 @@ def build_page(files: Sequence[str], folder: Path) -> None:
         body.clear()
         with body:
             ui.spinner()
-        is_over_frequency = await work(over_frequency, tuple(paths))
+        is_over_frequency = not is_film(paths) and await work(over_frequency, tuple(paths))
         body.clear()
         with body:
             try:
@@ -84,14 +85,23 @@ def build_page(files: Sequence[str], folder: Path) -> None:
 def new_panel(files: Sequence[str], origin: Path, is_over_frequency: bool) -> Panel:
     """Build the panel that shows files; they lie in the folder ``origin`` if they were dropped."""
     if is_over_frequency:
-        from problems.look.frf_page import FrfPanel  # this one and the next are slow to import
+        from problems.look.frf_page import FrfPanel  # this one and the next two are slow to import
 
         return FrfPanel(files, origin)
     if has_beam(files):
         from problems.look.beam import BeamPanel
 
         return BeamPanel(files[0])
+    if is_film(files):
+        from problems.look.film_page import FilmPanel
+
+        return FilmPanel(files[0], origin, show_tracks)
     return RecordPanel(read_takes(files), origin)
+
+
+def show_tracks(tracks: Tracks) -> None:
+    """Show the tracks of a film."""
+    RecordPanel((Choices(tracks.file, column=tracks.column),), Path(tracks.file).parent).start()
 
 
 class RecordPanel(Panel):

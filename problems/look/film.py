@@ -12,8 +12,7 @@ from pathlib import Path
 from tempfile import mkdtemp
 from typing import Any
 
-import numpy as np
-
+from ancf_casadi.records.channel import widest
 from ancf_casadi.records.video.recording import first_picture, marker_table, track_video
 from ancf_casadi.support.files import write_file
 from problems.look.choices import CommandOptions, option_words
@@ -90,6 +89,5 @@ def track_film(choices: FilmChoices, folder: Path) -> Tracks:
     recording = track_video(choices.file, **choices.settings())
     path = Path(mkdtemp(dir=folder)) / TRACKS_NAME
     write_file(path, marker_table(recording).csv().encode())
-    positions = [channel for channel in recording.channels if not channel.name.startswith("std")]
-    widest = max(positions, key=lambda channel: float(np.nanmax(channel.values) - np.nanmin(channel.values)))
-    return Tracks(str(path), widest.name, recording.notes)
+    moving = widest(channel for channel in recording.channels if not channel.name.startswith("std"))
+    return Tracks(str(path), moving.name, recording.notes)

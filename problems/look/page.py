@@ -18,7 +18,7 @@ from nicegui import events, ui
 from ancf_casadi.decay.phase import FrequencyLaw
 from ancf_casadi.decay.rest_position import Rest
 from ancf_casadi.exceptions import AncfError
-from ancf_casadi.records.channel import Recording, is_counter, is_time
+from ancf_casadi.records.channel import Recording
 from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.records.sensor import Quantity
 from problems.decay.laws import Law
@@ -241,7 +241,7 @@ class RecordPanel(Panel):
 
     def _show_columns(self, contents: Recording) -> None:
         """Offer the columns of a file with values, and the one that is chosen, which may be a number."""
-        usable = [c.name for c in contents.channels if not (c.fault or is_time(c) or is_counter(c))]
+        usable = [channel.name for channel in contents.measured]
         chosen = [] if self.choices.column in (None, *usable) else [self.choices.column]
         self._fields.by_name["column"].set_options([*usable, *chosen], value=self.choices.column)
 

@@ -15,8 +15,8 @@ def add_look(parser: argparse.ArgumentParser) -> None:
         "files",
         nargs="*",
         metavar="FILE",
-        help="file of measurements, several takes of a mode, frequency response functions, or study with [beam] or "
-        "[[decays]]; files may also be dropped there",
+        help="file of measurements, several takes of a mode, frequency response functions, film, or study with [beam] "
+        "or [[decays]]; files may also be dropped there",
     )
     about = "do not open the page in a browser, only print its address"
     parser.add_argument("--no-browser", action="store_true", help=about)

@@ -18,13 +18,13 @@ from ancf_casadi.exceptions import AncfError
 from problems.look.beam_computation import (
     BeamAtRest,
     MotionView,
-    Work,
     beam_at_rest,
     computed_motion,
     fit_study,
     has_records,
 )
 from problems.look.charts import Options
+from problems.look.computation import Work
 from problems.look.editing import EditedStudy, Place
 from problems.look.form import Change, Form
 from problems.look.widgets import Panel, report_label, set_options, show_notes, work
@@ -126,7 +126,7 @@ class BeamPanel(Panel):
 
     async def _compute(self, function: Callable[[EditedStudy], T], study: EditedStudy) -> T | None:
         """Return the result of a function for a study; None if it was stopped."""
-        computation = Work()
+        computation = Work("fit")
         self._works.append(computation)
         self._show_progress()
         try:

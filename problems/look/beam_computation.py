@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import threading
-import time
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
-from typing import Any, TypeVar
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
 
 import msgspec
 
@@ -18,8 +16,6 @@ from ancf_casadi.mechanics.lumped import changed_properties
 from ancf_casadi.response.linear_frf import ratios_at_rest
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.inputs import error_prefix
-from ancf_casadi.support.interrupts import stoppable
-from ancf_casadi.support.progress import counted, progress_line
 from ancf_casadi.vibration.modes import natural_modes
 from problems.look.beam_charts import channel_charts, mode_chart, tip_chart
 from problems.look.charts import Options
@@ -31,8 +27,6 @@ from problems.spec.records import NUMBERS, Measurements
 from problems.study.drawing import render
 from problems.study.formatting import shown
 from problems.study.results import inline_svg
-
-T = TypeVar("T")
 
 MODES = 6  # that the page shows
 MEASURED_TABLES = {"records", *NUMBERS}
@@ -58,30 +52,6 @@ class MotionView:
     values: str = ""  # of a fit, with standard errors
     report: str = ""
     notes: Sequence[str] = ()
-
-
-@dataclass(eq=False)
-class Work:
-    """A computation that counts its steps, and that another thread can stop."""
-
-    began: float = field(default_factory=time.perf_counter)
-    steps: int = 0
-    stop: threading.Event = field(default_factory=threading.Event)
-
-    def run(self, function: Callable[..., T], *arguments: object) -> T | None:
-        """Return the result of a function; None if it was stopped."""
-        try:
-            with stoppable(self.stop), counted(self._count):
-                return function(*arguments)
-        except KeyboardInterrupt:
-            return None
-
-    def progress(self) -> str:
-        """Return what a command would show of the progress."""
-        return progress_line("fit", self.steps, time.perf_counter() - self.began)
-
-    def _count(self) -> None:
-        self.steps += 1
 
 
 def has_records(study: EditedStudy) -> bool:

@@ -18,7 +18,7 @@ from nicegui import events, ui
 from ancf_casadi.decay.phase import FrequencyLaw
 from ancf_casadi.decay.rest_position import Rest
 from ancf_casadi.exceptions import AncfError
-from ancf_casadi.records.channel import Recording, is_counter, is_time
+from ancf_casadi.records.channel import Recording
 from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.records.sensor import Quantity
 from problems.decay.laws import Law
@@ -32,6 +32,7 @@ from problems.look.charts import (
 )
 from problems.look.choices import STUDY_NAME, Choices, Takes, beside, change_takes, command, has_beam, read_takes, study
 from problems.look.computation import DecayView, fit_chosen, over_frequency, recording, spectrum, whole_record
+from problems.look.film import Tracks, is_film
 from problems.look.takes import TakesTable
 from problems.look.widgets import Fields, Panel, brushed_chart, redraw, report_label, set_options, show_notes, work
 from problems.study.formatting import shown
@@ -55,7 +56,7 @@ def build_page(files: Sequence[str], folder: Path) -> None:
         body.clear()
         with body:
             ui.spinner()
-        is_over_frequency = await work(over_frequency, tuple(paths))
+        is_over_frequency = not is_film(paths) and await work(over_frequency, tuple(paths))
         body.clear()
         with body:
             try:
@@ -83,14 +84,23 @@ def build_page(files: Sequence[str], folder: Path) -> None:
 def new_panel(files: Sequence[str], origin: Path, is_over_frequency: bool) -> Panel:
     """Build the panel that shows files; they lie in the folder ``origin`` if they were dropped."""
     if is_over_frequency:
-        from problems.look.frf_page import FrfPanel  # this one and the next are slow to import
+        from problems.look.frf_page import FrfPanel  # this one and the next two are slow to import
 
         return FrfPanel(files, origin)
     if has_beam(files):
         from problems.look.beam import BeamPanel
 
         return BeamPanel(files[0])
+    if is_film(files):
+        from problems.look.film_page import FilmPanel
+
+        return FilmPanel(files[0], origin, show_tracks)
     return RecordPanel(read_takes(files), origin)
+
+
+def show_tracks(tracks: Tracks) -> None:
+    """Show the tracks of a film."""
+    RecordPanel((Choices(tracks.file, column=tracks.column),), Path(tracks.file).parent).start()
 
 
 class RecordPanel(Panel):
@@ -230,7 +240,7 @@ class RecordPanel(Panel):
 
     def _show_columns(self, contents: Recording) -> None:
         """Offer the columns of a file with values, and the one that is chosen, which may be a number."""
-        usable = [c.name for c in contents.channels if not (c.fault or is_time(c) or is_counter(c))]
+        usable = [channel.name for channel in contents.measured]
         chosen = [] if self.choices.column in (None, *usable) else [self.choices.column]
         self._fields.by_name["column"].set_options([*usable, *chosen], value=self.choices.column)
 

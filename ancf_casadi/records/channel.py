@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from numbers import Integral
 from pathlib import Path
@@ -100,13 +100,18 @@ class Recording(Displayed):
             raise InputError("its channels have times of their own; use the time of a channel", self.path)
         return times[0]
 
+    @property
+    def measured(self) -> list[RecordedChannel]:
+        """The channels with measured values that can be read, without times and counters."""
+        return [c for c in self.channels if not (c.fault or is_time(c) or is_counter(c))]
+
     def channel(self, column: str | int | None = None) -> RecordedChannel:
         """Return the channel with a name or number, or the only one with measured values; it must be usable."""
         if column is not None:
             channel = find_channel(self.channels, column, "--column", self.path)
         else:
             values = [c for c in self.channels if not is_time(c) and not is_counter(c)]
-            usable = [channel for channel in values if not channel.fault] or values or list(self.channels)
+            usable = self.measured or values or list(self.channels)
             if len(usable) != 1:
                 fault = (
                     f"has {len(usable)} columns of values, {list_labels(usable)}"
@@ -140,6 +145,11 @@ def find_channel(channels: Sequence[RecordedChannel], wanted: object, option: st
         return named[0]
     fault = f"{len(named)} columns are named {shown(wanted)}; give the number" if named else "there is no such column"
     raise InputError(f"{option} {shown(wanted)}: {fault}; there are {list_labels(channels)}", path)
+
+
+def widest(channels: Iterable[RecordedChannel]) -> RecordedChannel:
+    """Return the channel whose values have the widest range."""
+    return max(channels, key=lambda channel: float(np.nanmax(channel.values) - np.nanmin(channel.values)))
 
 
 def list_labels(channels: Sequence[RecordedChannel]) -> str:

@@ -16,7 +16,7 @@ import numpy as np
 from ancf_casadi.decay.release import find_release
 from ancf_casadi.decay.spectrum import peak_frequencies, step_frequency
 from ancf_casadi.exceptions import InputError
-from ancf_casadi.records.channel import RecordedChannel, Recording, is_counter, is_time
+from ancf_casadi.records.channel import RecordedChannel, Recording, is_time, widest
 from ancf_casadi.records.layout import TableLayout
 from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.records.processing import quality_warnings, sampling
@@ -106,12 +106,11 @@ def _summary(channel: RecordedChannel) -> dict[str, Any]:
 def _faults(recording: Recording) -> list[str]:
     """Return the faults of the records of the channels."""
     faults = []
-    for channel in recording.channels:
+    for channel in recording.measured:
         present = np.isfinite(channel.values)
-        if channel.time is None or channel.fault or is_time(channel) or is_counter(channel) or not present.any():
-            continue
-        texts = quality_warnings(channel.time[present], channel.values[present])
-        faults += [f"column {channel.label}: {text}" for text in texts]
+        if channel.time is not None and present.any():
+            texts = quality_warnings(channel.time[present], channel.values[present])
+            faults += [f"column {channel.label}: {text}" for text in texts]
     return faults
 
 
@@ -225,10 +224,10 @@ def _advice(options: argparse.Namespace, recording: Recording, plan: Mapping[str
     """Return what a fit would use, and the next command."""
     if plan["problem"]:
         lines = [f"A fit needs more: {plan['problem'].removeprefix(f'{recording.path}: ')}"]
-        candidates = [c for c in recording.channels if not (c.fault or is_time(c) or is_counter(c) or c.time is None)]
+        candidates = [channel for channel in recording.measured if channel.time is not None]
         if options.column is None and len(candidates) > 1:
-            widest = max(candidates, key=lambda channel: float(np.nanmax(channel.values) - np.nanmin(channel.values)))
-            lines.append(f"Column {widest.label} has the widest range; see {_command('inspect', options, widest.name)}")
+            column = widest(candidates)
+            lines.append(f"Column {column.label} has the widest range; see {_command('inspect', options, column.name)}")
         return lines
     periods = f", about {plan['periods']:.0f} periods" if math.isfinite(plan["periods"]) else ""
     command = _command("fit-decay", options, options.column)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 
 from ancf_casadi.support.files import open_file
-from ancf_casadi.support.optional import library
+from ancf_casadi.support.optional import find_module, library
 from problems.command.output import Output
 
 
@@ -15,8 +15,8 @@ def add_look(parser: argparse.ArgumentParser) -> None:
         "files",
         nargs="*",
         metavar="FILE",
-        help="file of measurements, several takes of a mode, frequency response functions, or study with [beam] or "
-        "[[decays]]; files may also be dropped there",
+        help="file of measurements, several takes of a mode, frequency response functions, film, or study with [beam] "
+        "or [[decays]]; files may also be dropped there",
     )
     about = "do not open the page in a browser, only print its address"
     parser.add_argument("--no-browser", action="store_true", help=about)
@@ -24,12 +24,13 @@ def add_look(parser: argparse.ArgumentParser) -> None:
 
 def run_look(options: argparse.Namespace) -> Output:
     """Serve the page until it closes."""
-    from problems.look.choices import read_takes, shows_beam  # these two are slow to import
+    from problems.look.choices import has_beam, read_takes  # these two are slow to import
 
-    for take in [] if shows_beam(options.files) else read_takes(options.files):
+    for take in [] if has_beam(options.files) else read_takes(options.files):
         with open_file(take.file):
             pass
     library("nicegui", "shows the page")
+    find_module("tomlkit", "changes the study of a beam")
     from problems.look.server import serve
 
     serve(options.files, open_browser=not options.no_browser)

@@ -5,12 +5,11 @@ from __future__ import annotations
 import argparse
 import math
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from ancf_casadi.records.channel import Recording
-from ancf_casadi.records.video.recording import track_video
+from ancf_casadi.records.video.recording import marker_table, track_video
 from ancf_casadi.support.arrays import root_mean_square
 from ancf_casadi.support.tables import Table
 from problems.command.output import Output, add_options, comma_numbers, file_writers, finite, new_files, positive_count
@@ -61,16 +60,9 @@ def run_track(options: argparse.Namespace) -> Output:
     )
     columns = {channel.name: channel.values for channel in recording.channels}
     data = {"file": options.file, "time_s": recording.time, **columns, "notes": recording.notes}
-    files = file_writers(options.out, lambda: _motion(recording).csv())
+    files = file_writers(options.out, lambda: marker_table(recording).csv())
     closing = f"\nNext: ancf-casadi inspect {options.out}" if options.out else ""
     return Output(lambda: data, lambda: _table(recording).text(), files, closing)
-
-
-def _motion(recording: Recording) -> Table:
-    columns = ("time_s", *(channel.name for channel in recording.channels))
-    values = np.column_stack([recording.time, *(channel.values for channel in recording.channels)])
-    rows: list[list[Any]] = [[None if math.isnan(cell) else cell for cell in row] for row in values.tolist()]
-    return Table("markers", "Positions of markers", columns, rows)
 
 
 def _table(recording: Recording) -> Table:

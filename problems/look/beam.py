@@ -6,7 +6,6 @@ change stops what is being computed, and so does the button beside the fit.
 
 from __future__ import annotations
 
-import asyncio
 import math
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -19,17 +18,16 @@ from ancf_casadi.exceptions import AncfError
 from problems.look.beam_computation import (
     BeamAtRest,
     MotionView,
-    Work,
     beam_at_rest,
     computed_motion,
     fit_study,
     has_records,
 )
 from problems.look.charts import Options
-from problems.look.computation import WORKER
+from problems.look.computation import Work
+from problems.look.editing import EditedStudy, Place
 from problems.look.form import Change, Form
-from problems.look.widgets import Panel, report_label, set_options, show_notes
-from problems.spec.editing import EditedStudy, Place
+from problems.look.widgets import Panel, report_label, set_options, show_notes, work
 
 DECADES = 1.0  # that a slider spans to either side of the first guess
 RESOLUTION = 1e-3  # of a slider
@@ -128,31 +126,34 @@ class BeamPanel(Panel):
 
     async def _compute(self, function: Callable[[EditedStudy], T], study: EditedStudy) -> T | None:
         """Return the result of a function for a study; None if it was stopped."""
-        work = Work()
-        self._works.append(work)
+        computation = Work("fit")
+        self._works.append(computation)
         self._show_progress()
         try:
-            return await asyncio.get_running_loop().run_in_executor(WORKER, work.run, function, study)
+            return await work(computation.run, function, study)
         finally:
-            self._works.remove(work)
+            self._works.remove(computation)
             self._show_progress()
 
     def _stop(self) -> None:
         """Stop all that is being computed."""
-        for work in self._works:
-            work.stop.set()
+        for computation in self._works:
+            computation.stop.set()
 
     async def _show_motion(
         self, function: Callable[[EditedStudy], MotionView], study: EditedStudy
     ) -> MotionView | None:
         """Compute a motion, or fit it, and show it; return None if that has failed or was stopped."""
-        self._motion_error.text = ""
+        self._motion_error.text, reason = "", "stopped"
         try:
             motion = await self._compute(function, study)
-            self._motion_error.text = "" if motion else "stopped"
         except AncfError as error:
-            motion, self._motion_error.text = None, str(error)
-        if study is self.study and motion is not None:
+            motion, reason = None, str(error)
+        if study is not self.study or self._motion.is_deleted:  # by a change, or as the page has closed
+            return None
+        if motion is None:
+            self._motion_error.text = reason
+        else:
             self._motion_title.text, self._values.text = motion.title, motion.values
             self._report.text = motion.report
             show_notes(self._notes, motion.notes)

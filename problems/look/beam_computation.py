@@ -2,32 +2,31 @@
 
 from __future__ import annotations
 
-import threading
-import time
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
-from typing import TypeVar
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import msgspec
 
 from ancf_casadi.damping.law import SumOfLaws
+from ancf_casadi.damping.spec import law_spec
 from ancf_casadi.estimation.prediction import PredictedChannel
 from ancf_casadi.estimation.solver.unknown import Unknown
+from ancf_casadi.mechanics.lumped import changed_properties
 from ancf_casadi.response.linear_frf import ratios_at_rest
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.inputs import error_prefix
-from ancf_casadi.support.interrupts import stoppable
-from ancf_casadi.support.progress import counted, progress_line
 from ancf_casadi.vibration.modes import natural_modes
 from problems.look.beam_charts import channel_charts, mode_chart, tip_chart
 from problems.look.charts import Options
+from problems.look.editing import EditedStudy, Place, value_at
 from problems.spec.beam import DampedBeam
-from problems.spec.editing import EditedStudy, Place, guess_places
+from problems.spec.file import StudyFile
 from problems.spec.motion import SimulationTables, start_shape
 from problems.spec.records import NUMBERS, Measurements
 from problems.study.drawing import render
 from problems.study.formatting import shown
 from problems.study.results import inline_svg
-
-T = TypeVar("T")
 
 MODES = 6  # that the page shows
 MEASURED_TABLES = {"records", *NUMBERS}
@@ -53,30 +52,6 @@ class MotionView:
     values: str = ""  # of a fit, with standard errors
     report: str = ""
     notes: Sequence[str] = ()
-
-
-@dataclass(eq=False)
-class Work:
-    """A computation that counts its steps, and that another thread can stop."""
-
-    began: float = field(default_factory=time.perf_counter)
-    steps: int = 0
-    stop: threading.Event = field(default_factory=threading.Event)
-
-    def run(self, function: Callable[..., T], *arguments: object) -> T | None:
-        """Return the result of a function; None if it was stopped."""
-        try:
-            with stoppable(self.stop), counted(self._count):
-                return function(*arguments)
-        except KeyboardInterrupt:
-            return None
-
-    def progress(self) -> str:
-        """Return what a command would show of the progress."""
-        return progress_line("fit", self.steps, time.perf_counter() - self.began)
-
-    def _count(self) -> None:
-        self.steps += 1
 
 
 def has_records(study: EditedStudy) -> bool:
@@ -111,6 +86,22 @@ def computed_motion(study: EditedStudy) -> MotionView:
     return MotionView("", ())
 
 
+def guess_places(file: StudyFile, names: Sequence[str]) -> dict[str, Place]:
+    """Return where the guesses of unknowns of a fit stand in its study, by name, as far as they do."""
+    beam = DampedBeam.of(file)
+    entries: list[Place] = []
+    for k, law in enumerate(beam.laws):
+        values = [parameter.value for parameter in law.parameters]
+        spec = msgspec.to_builtins(law_spec(law, beam.model))
+        for j, value in enumerate(values):
+            changed = law.with_parameters([*values[:j], 0.5 * value, *values[j + 1 :]])
+            entries.append(("damping", k, *_difference(spec, msgspec.to_builtins(law_spec(changed, beam.model)))))
+    parameters = beam.damping.parameters if beam.damping and entries else ()
+    places = [(parameter.name, entry) for parameter, entry in zip(parameters, entries, strict=True)]
+    places += [(name, ("beam", key)) for name in names for key in (name, *changed_properties(name))]
+    return {name: place for name, place in reversed(places) if name in names and value_at(file.tables, place)}
+
+
 def fit_study(study: EditedStudy) -> MotionView:
     """Fit the records of a study, as its step ``motion`` does."""
     fit = Measurements.of(study.file).read().fit()
@@ -122,3 +113,12 @@ def fit_study(study: EditedStudy) -> MotionView:
 
 def _charts(channels: Sequence[PredictedChannel]) -> list[Options]:
     return [chart for channel in channels for chart in channel_charts(channel)]
+
+
+def _difference(first: Any, second: Any) -> Place:
+    """Return the place of the value that differs in plain data."""
+    if not isinstance(first, dict | list | tuple):
+        return ()
+    steps = first if isinstance(first, dict) else range(len(first))
+    step = next(step for step in steps if first[step] != second[step])
+    return (step, *_difference(first[step], second[step]))

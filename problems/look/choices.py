@@ -12,6 +12,8 @@ from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 
+from ancf_casadi.support.files import read_toml
+
 STUDY_NAME = "study.toml"
 DIGITS = 6  # of a time or a frequency that is chosen in a chart
 DECAY_KEYS = ("time", "time_unit", "sample_rate", "column", "unit", "begin", "end", "release_time")  # of [[decays]]
@@ -62,13 +64,9 @@ class Choices(CommandOptions):
 Takes = tuple[Choices, ...]
 
 
-def shows_beam(files: Sequence[str]) -> bool:
-    """Return whether the files are a study of a beam."""
-    if all(Path(file).suffix.lower() != ".toml" for file in files):
-        return False
-    from problems.spec.editing import has_beam  # slow to import, and records do not need it
-
-    return has_beam(files)
+def has_beam(files: Sequence[str]) -> bool:
+    """Return whether files are one study with a beam."""
+    return len(files) == 1 and Path(files[0]).suffix.lower() == ".toml" and "beam" in read_toml(files[0])
 
 
 def read_takes(files: Sequence[str]) -> Takes:

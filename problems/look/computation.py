@@ -5,12 +5,14 @@ One thread, ``WORKER``, does this work, so that nothing is computed twice at the
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import threading
+import time
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -25,6 +27,8 @@ from ancf_casadi.records.reading.formats import read_contents
 from ancf_casadi.records.recording import with_times
 from ancf_casadi.records.sensor import Sensor
 from ancf_casadi.support.arrays import Array
+from ancf_casadi.support.interrupts import stoppable
+from ancf_casadi.support.progress import counted, progress_line
 from problems.decay.comparison import compare_decay_laws, comparison_arguments
 from problems.decay.fitting import fit_decay, fit_decays
 from problems.decay.law_curve import law_curve, measured_curve
@@ -32,6 +36,8 @@ from problems.decay.mode_separation import isolate_mode
 from problems.decay.result import DecayFit
 from problems.decay.takes import DecayFits
 from problems.look.choices import Choices, Takes
+
+T = TypeVar("T")
 
 WORKER = ThreadPoolExecutor(1)
 MOST_TAKES = 32  # whose fits are kept
@@ -47,6 +53,31 @@ class DecayView:
     curve: LawCurve  # frequency and damping ratio against amplitude, with bands
     windows: DampingCurve | None  # the same without a law; None if the record is too short
     probabilities: dict[str, float]  # of the laws that were compared, by name; empty for one law
+
+
+@dataclass(eq=False)
+class Work:
+    """A computation that counts its steps, and that another thread can stop."""
+
+    title: str
+    began: float = field(default_factory=time.perf_counter)
+    steps: int = 0
+    stop: threading.Event = field(default_factory=threading.Event)
+
+    def run(self, function: Callable[..., T], *arguments: object) -> T | None:
+        """Return the result of a function; None if it was stopped."""
+        try:
+            with stoppable(self.stop), counted(self._count):
+                return function(*arguments)
+        except KeyboardInterrupt:
+            return None
+
+    def progress(self) -> str:
+        """Return what a command would show of the progress."""
+        return progress_line(self.title, self.steps, time.perf_counter() - self.began)
+
+    def _count(self) -> None:
+        self.steps += 1
 
 
 @lru_cache(8)

@@ -17,8 +17,8 @@ from ancf_casadi.damping.spec import LawSpec
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.spec import BeamSpec
 from ancf_casadi.support.specs import alternatives, listed_fields, value_place
+from problems.look.editing import EditedStudy, Place, parse_value, toml_value, value_at
 from problems.spec.beam import DocumentName
-from problems.spec.editing import EditedStudy, Place, parse_value, toml_value, value_at, with_item
 
 Change = Callable[[EditedStudy], EditedStudy]
 TAG_FIELDS = ("kind", "law")  # of supports, attachments and sections, and of damping laws
@@ -74,13 +74,13 @@ class Form:
         return [_tag(item) for item in items] if isinstance(items, list) else []
 
     def _set(self, place: Place, value: Any) -> None:
-        """Change a value; within a list of a table, the list is changed as a whole, as it may be the default."""
+        """Change a value; within a list that the study leaves at its default, state that list first."""
         self._last, key = place, place[: 3 if isinstance(place[1], int) else 2]
 
         def change(study: EditedStudy) -> EditedStudy:
-            name, within = str(key[-1]), place[len(key) :]
-            whole = {name: self._value(key)}
-            return study.with_value(key, with_item(whole, (name, *within), value)[name] if within else value)
+            if key != place and study.value(key) is None:
+                study = study.with_value(key, self._value(key))
+            return study.with_value(place, value)
 
         self._choose(change)
 

@@ -156,7 +156,5 @@ class FrfPanel(Panel):
         self._notes.clear()
 
     async def _save_figure(self) -> None:
-        from ancf_casadi.figures.files import figure_bytes  # matplotlib is slow to import
-
-        if (fit := self._fit) is not None:
-            ui.download.content(await work(lambda: figure_bytes(fit.figure(), ".png")), "fit.png")
+        if self._fit is not None:
+            await self.save_figure(self._fit.figure)

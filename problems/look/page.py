@@ -18,7 +18,7 @@ from nicegui import events, ui
 from ancf_casadi.decay.phase import FrequencyLaw
 from ancf_casadi.decay.rest_position import Rest
 from ancf_casadi.exceptions import AncfError
-from ancf_casadi.records.channel import Recording, is_counter, is_time
+from ancf_casadi.records.channel import Recording
 from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.records.sensor import Quantity
 from problems.decay.laws import Law
@@ -31,18 +31,9 @@ from problems.look.charts import (
     sparkline_of_values,
     spectrum_chart,
 )
-from problems.look.choices import (
-    STUDY_NAME,
-    Choices,
-    Takes,
-    beside,
-    change_takes,
-    command,
-    read_takes,
-    shows_beam,
-    study,
-)
+from problems.look.choices import STUDY_NAME, Choices, Takes, beside, change_takes, command, has_beam, read_takes, study
 from problems.look.computation import DecayView, contents, fit_chosen, over_frequency, recording, spectrum, whole_record
+from problems.look.film import Tracks, is_film
 from problems.look.takes import TakesTable
 from problems.look.widgets import (
     Fields,
@@ -79,7 +70,7 @@ def build_page(files: Sequence[str], folder: Path) -> None:
         body.clear()
         with body:
             ui.spinner()
-        is_over_frequency = await work(over_frequency, tuple(paths))
+        is_over_frequency = not is_film(paths) and await work(over_frequency, tuple(paths))
         body.clear()
         with body:
             try:
@@ -106,7 +97,7 @@ def build_page(files: Sequence[str], folder: Path) -> None:
         return
     with body:
         ui.label(
-            "Drop a record of a free decay, several takes of it, frequency response functions, or a study; "
+            "Drop a record of a free decay, several takes of it, frequency response functions, a film, or a study; "
             "or choose files with +."
         )
 
@@ -114,14 +105,23 @@ def build_page(files: Sequence[str], folder: Path) -> None:
 def new_panel(files: Sequence[str], origin: Path, is_over_frequency: bool) -> Panel:
     """Build the panel that shows files; they lie in the folder ``origin`` if they were dropped."""
     if is_over_frequency:
-        from problems.look.frf_page import FrfPanel  # this one and the next are slow to import
+        from problems.look.frf_page import FrfPanel  # this one and the next two are slow to import
 
         return FrfPanel(files, origin)
-    if shows_beam(files):
+    if has_beam(files):
         from problems.look.beam import BeamPanel
 
         return BeamPanel(files[0])
+    if is_film(files):
+        from problems.look.film_page import FilmPanel
+
+        return FilmPanel(files[0], origin, show_tracks)
     return RecordPanel(read_takes(files), origin)
+
+
+def show_tracks(tracks: Tracks) -> None:
+    """Show the tracks of a film."""
+    RecordPanel((Choices(tracks.file, column=tracks.column),), Path(tracks.file).parent).start()
 
 
 class RecordPanel(Panel):
@@ -275,7 +275,7 @@ class RecordPanel(Panel):
 
     def _show_columns(self, record: Recording) -> None:
         """Offer the columns of a file with values, as lines if the user must choose one."""
-        usable = {c.name: c.values for c in record.channels if not (c.fault or is_time(c) or is_counter(c))}
+        usable = {channel.name: channel.values for channel in record.measured}
         self._offer("column", [*usable])
         if self.choices.column is None and len(usable) > 1:
             lines = {name: sparkline_of_values(values) for name, values in usable.items()}
@@ -320,8 +320,5 @@ class RecordPanel(Panel):
         ui.download.content("\n\n".join(filter(None, reports)), "report.txt")
 
     async def _save_figure(self) -> None:
-        from ancf_casadi.figures.files import figure_bytes  # matplotlib is slow to import
-
-        if (view := self._view) is not None:
-            picture = await work(lambda: figure_bytes(view.fit.figure(), ".png"))
-            ui.download.content(picture, "fit.png")
+        if self._view is not None:
+            await self.save_figure(self._view.fit.figure)

@@ -47,6 +47,12 @@ class Panel(ABC):
         if self._task is None or self._task.done():
             self._task = asyncio.create_task(self.show())
 
+    async def save_figure(self, figure: Callable[[], Any]) -> None:
+        """Draw the figure of a fit, for the user to save."""
+        from ancf_casadi.figures.files import figure_bytes  # matplotlib is slow to import
+
+        ui.download.content(await work(lambda: figure_bytes(figure(), ".png")), "fit.png")
+
 
 class Fields:
     """Fields for options by their names, which pass a new value to a function as its argument."""

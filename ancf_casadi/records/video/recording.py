@@ -32,6 +32,7 @@ from ancf_casadi.support.inputs import (
 )
 from ancf_casadi.support.optional import library
 from ancf_casadi.support.progress import counter
+from ancf_casadi.support.tables import Table
 
 SMOOTHING = 1.0  # px; edges that are sharper than a pixel are interpolated with errors that follow the motion
 MIN_PICTURES = 10
@@ -120,28 +121,18 @@ def track_video(
     >>> bool(np.abs(x - 0.015 * np.cos(np.arange(40) / 20)).max() < 1e-4)
     True
     """
-    cv2 = library("cv2", "video files need it", "opencv-python-headless")
-    places = None if markers is None else array(markers, "markers")
-    if places is not None and (places.ndim != 2 or places.shape[1] != 2 or not len(places)):
-        raise InputError(f"must have the shape (m, 2), got {places.shape}", "markers")
-    area = None if region is None else numbers(region, "region")
-    if area is not None and (len(area) != 4 or area[0] >= area[2] or area[1] >= area[3]):
-        raise InputError("must be left, top, right and bottom", "region")
+    cv2, sought = _opencv(), _sought(markers, region, radius)
     view = View.of(ruler=ruler, clamp=clamp, vertical=vertical, lens=lens)
-    size = None if radius is None else whole(radius, "radius", 3, 200)
     rate = None if sample_rate is None else physical(sample_rate, "sample_rate")
     interval = not_negative(begin, "begin"), positive_or_infinite(end, "end")
     picture = None if preview is None else check_file(preview)
     flag(progress, "progress")
     times: list[float] = []
     with open_video(path) as video, error_prefix(str(path)), counter("track", shown=progress):
-        grey = (frame.astype(np.float32) for frame in _pictures(video, rate, interval, times))
-        pictures = (cv2.GaussianBlur(frame, (0, 0), SMOOTHING) for frame in grey)
+        pictures = _pictures(cv2, video, rate, interval, times)
         try:
-            first = next(pictures, None)
-            if first is None:
-                raise InputError(f"ends before {begin:g} s")
-            marks = find_marks(cv2, first, places, area, size, view.clamp)
+            first = next(pictures)
+            marks = find_marks(cv2, first, *sought, view.clamp)
             if picture is not None:
                 write_file(picture, _preview(cv2, first, marks))
             points, std = track_marks(cv2, marks, first, pictures)
@@ -161,7 +152,67 @@ def track_video(
     return Recording(str(path), tuple(channels), stated + notes)
 
 
-def _pictures(video: Video, rate: float | None, interval: tuple[float, float], times: list[float]) -> Iterator[Picture]:
+def first_picture(
+    path: str | Path,
+    *,
+    markers: ArrayLike | None = None,
+    region: Sequence[float] | None = None,
+    radius: int | None = None,
+    clamp: Sequence[float] | None = None,
+    sample_rate: float | None = None,
+    begin: float = 0.0,
+    numbered: bool = True,
+) -> bytes:
+    """Return the picture of a video in which ``track_video`` finds the markers, as PNG.
+
+    Parameters
+    ----------
+    path, markers, region, radius, clamp, sample_rate, begin
+        As in ``track_video``.
+    numbered : bool
+        Whether to find the markers and draw their numbers.
+
+    Raises
+    ------
+    InputError
+        As in ``track_video``.
+    """
+    cv2, sought = _opencv(), _sought(markers, region, radius)
+    rate = None if sample_rate is None else physical(sample_rate, "sample_rate")
+    origin = View.of(clamp=clamp).clamp
+    with open_video(path) as video, error_prefix(str(path)):
+        first = next(_pictures(cv2, video, rate, (not_negative(begin, "begin"), math.inf), []))
+        return _preview(cv2, first, find_marks(cv2, first, *sought, origin) if numbered else [])
+
+
+def _opencv() -> Any:
+    return library("cv2", "video files need it", "opencv-python-headless")
+
+
+def _sought(
+    markers: ArrayLike | None, region: Sequence[float] | None, radius: int | None
+) -> tuple[Array | None, tuple[float, ...] | None, int | None]:
+    """Return places (m, 2), area and radius of the marks, px, as far as they are given."""
+    places = None if markers is None else array(markers, "markers")
+    if places is not None and (places.ndim != 2 or places.shape[1] != 2 or not len(places)):
+        raise InputError(f"must have the shape (m, 2), got {places.shape}", "markers")
+    area = None if region is None else numbers(region, "region")
+    if area is not None and (len(area) != 4 or area[0] >= area[2] or area[1] >= area[3]):
+        raise InputError("must be left, top, right and bottom", "region")
+    return places, area, None if radius is None else whole(radius, "radius", 3, 200)
+
+
+def _pictures(
+    cv2: Any, video: Video, rate: float | None, interval: tuple[float, float], times: list[float]
+) -> Iterator[Picture]:
+    """Yield the smoothed pictures of an interval of a video, at least one, and append their times to ``times``."""
+    for picture in _frames(video, rate, interval, times):
+        yield cv2.GaussianBlur(picture.astype(np.float32), (0, 0), SMOOTHING)
+    if not times:
+        raise InputError(f"ends before {interval[0]:g} s")
+
+
+def _frames(video: Video, rate: float | None, interval: tuple[float, float], times: list[float]) -> Iterator[Picture]:
     """Yield the pictures of an interval of a video, and append their times to ``times``."""
     begin, end = interval
     if not rate and not video.frame_rate > 0.0:
@@ -209,6 +260,14 @@ def _check_tracks(times: Array, points: Array, std: Array) -> tuple[str, ...]:
         raise InputError(f"nothing moves: no marker by more than {travel.max():.2g} px")
     gaps = count - visible.sum(axis=0)
     return tuple(f"marker {k} is not seen in {n} of {count} frames" for k, n in enumerate(gaps, start=1) if n)
+
+
+def marker_table(recording: Recording) -> Table:
+    """Return the positions of markers and their std over time, as a table for a file."""
+    columns = ("time_s", *(channel.name for channel in recording.channels))
+    values = np.column_stack([recording.time, *(channel.values for channel in recording.channels)])
+    rows: list[list[Any]] = [[None if math.isnan(cell) else cell for cell in row] for row in values.tolist()]
+    return Table("markers", "Positions of markers", columns, rows)
 
 
 def _preview(cv2: Any, picture: Picture, marks: Sequence[Mark]) -> bytes:

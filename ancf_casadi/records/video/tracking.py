@@ -27,6 +27,7 @@ import numpy as np
 from ancf_casadi.records.video.frames import Picture
 from ancf_casadi.records.video.marks import Mark, Pose, correlations, refine_pose, search_pose, tracked_point
 from ancf_casadi.support.arrays import Array
+from ancf_casadi.support.interrupts import has_interrupt
 from ancf_casadi.support.progress import count_step
 
 MAX_STD = 3.2  # of a visible mark, relative to the median of its track; above, the mark is partly covered
@@ -66,6 +67,8 @@ def track_marks(cv2: Any, marks: Sequence[Mark], first: Picture, pictures: Itera
                         break
         accelerations = np.fmax(accelerations, [_acceleration(track, number) for track in tracks])
         count_step()
+        if has_interrupt():  # of another thread
+            raise KeyboardInterrupt
     points, std = np.full((number + 1, len(marks), 2), np.nan), np.full((number + 1, len(marks)), np.nan)
     for i, track in enumerate(tracks):
         for k, pose in track.items():

@@ -10,7 +10,7 @@ import pytest
 from ancf_casadi.exceptions import InputError
 from problems import run_study
 from problems.cli import _parser
-from problems.look.choices import Choices, beside, change_takes, command, read_takes, study
+from problems.look.choices import Choices, beside, change_takes, command, has_beam, read_takes, study
 from problems.look.computation import compare_takes, fit_chosen
 
 
@@ -113,3 +113,9 @@ def test_a_band_is_fitted_as_by_the_command(tip):
     assert fit_chosen(Choices(tip, band=(1.0, 3.0))).fit.frequency == pytest.approx(12.3 / 2 / np.pi, rel=1e-3)
     with pytest.raises(InputError):
         fit_chosen(Choices(tip, band=(100.0, 101.0)))
+
+
+def test_a_study_with_a_beam_is_told_from_other_files(study_file):
+    assert has_beam([str(study_file("[beam]"))])
+    assert not has_beam([str(study_file("[[decays]]"))])
+    assert not has_beam(["motion.csv"]) and not has_beam([])

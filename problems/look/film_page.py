@@ -1,0 +1,148 @@
+"""The part of the page for a film: its first picture with what the user clicks there, and the tracks of its markers."""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from nicegui import events, ui
+
+from ancf_casadi.exceptions import AncfError
+from problems.look.choices import beside
+from problems.look.computation import Work
+from problems.look.film import POINTS, FilmChoices, Point, Tracks, film_picture, track_film
+from problems.look.widgets import Fields, Panel, show_notes, work
+
+POLLING = 0.2  # s between two looks at the progress
+COLOURS = {"clamp": "#2b8a3e", "ruler": "#d9480f", "vertical": "#1971c2"}
+
+
+class FilmPanel(Panel):
+    """The part of the page that belongs to a film; ``show_tracks`` shows the tracks below."""
+
+    def __init__(self, file: str, folder: Path, show_tracks: Callable[[Tracks], None]) -> None:
+        self.choices, self._folder, self._show_tracks = FilmChoices(file), folder, show_tracks
+        self._points: list[Point] = []  # that were clicked of one with two
+        self._work: Work | None = None
+        self._fields = Fields(self.choose)
+        ui.context.client.on_disconnect(self._stop)
+        with ui.grid(columns="18rem minmax(0, 1fr)").classes("w-full"):
+            with ui.column():
+                self._build_choices()
+            with ui.column().classes("w-full"):
+                self._build_results()
+        self._tracks = ui.column().classes("w-full")
+
+    @property
+    def chosen(self) -> FilmChoices:
+        """The options of ``track``."""
+        return self.choices
+
+    def choose(self, **changes: Any) -> None:
+        """Change choices, and show the picture anew."""
+        if (changed := replace(self.choices, **changes)) != self.choices:
+            self.choices = changed
+            self.start()
+
+    def _build_choices(self) -> None:
+        ui.label(Path(self.choices.file).name).classes("text-subtitle1 break-all")
+        ui.label("Click in the picture to place").classes("text-subtitle2")
+        self._place = ui.toggle({name: name for name in POINTS}, value="ruler", on_change=self._points.clear)
+        self._place.props("dense no-caps").mark("place")
+        ui.label("markers to track, the origin, two points at a known distance, or two points on a vertical line")
+        self._fields.number("ruler_length", "length of the ruler, m", "without it, positions are in pixels")
+        nothing = dict.fromkeys(("ruler", "clamp", "vertical", "markers"))
+        ui.button("remove all", on_click=lambda: self.choose(**nothing)).props("flat dense")
+        ui.label("Film").classes("text-subtitle2")
+        self._fields.number("sample_rate", "frames per second", "of the recording, if it plays in slow motion")
+        self._fields.number("begin", "begin, s")
+        self._fields.number("end", "end, s")
+        self._fields.number("radius", "radius of a marker, px", "default: of its dot, or 10", int)
+
+    def _build_results(self) -> None:
+        self._error = ui.label().classes("text-negative").mark("film-error")
+        self._picture = ui.interactive_image(on_mouse=self._click, events=["click"], cross="#d9480f", sanitize=False)
+        self._picture.classes("max-w-full").mark("picture")
+        with ui.row(align_items="center"):
+            ui.button("track", on_click=self._track)
+            self._stop_button = ui.button("stop", on_click=self._stop).props("outline")
+            self._busy = ui.spinner()
+            self._progress = ui.label().mark("progress")
+        self._notes = ui.column().classes("w-full gap-1").mark("film-notes")
+        ui.label("The command that tracks the same").classes("text-subtitle2")
+        self._command = ui.code("", language="bash").classes("w-full").mark("track-command")
+        ui.timer(POLLING, self._show_progress)
+
+    async def update(self) -> None:
+        """Show the picture with its markers, or why there are none, and what is placed in it."""
+        choices = self.choices
+        for name, field in self._fields.by_name.items():
+            field.value = getattr(choices, name)
+        self._command.content = replace(choices, file=beside(choices.file, self._folder)).command()
+        self._draw()
+        try:
+            self._error.text, picture = "", await work(lambda: film_picture(choices, numbered=True))
+        except AncfError as error:
+            self._error.text = str(error)
+            try:
+                picture = await work(lambda: film_picture(choices, numbered=False))
+            except AncfError:
+                return
+        self._picture.set_source(f"data:image/png;base64,{base64.b64encode(picture).decode()}")
+
+    def _click(self, event: events.MouseEventArguments) -> None:
+        """Place what the user has chosen at a point of the picture, whose first pixel has its centre at 0."""
+        name, point = str(self._place.value), (round(event.image_x - 0.5, 1), round(event.image_y - 0.5, 1))
+        if name == "marker":
+            self.choose(**self.choices.with_marker(point))
+            return
+        self._points.append(point)
+        if len(self._points) == POINTS[name]:
+            self.choose(**{name: tuple(number for place in self._points for number in place)})
+            self._points.clear()
+        self._draw()
+
+    def _draw(self) -> None:
+        """Draw what is placed in the picture."""
+        shapes = [_dot(point, "#d9480f") for point in self._points]
+        for name, colour in COLOURS.items():
+            if numbers := getattr(self.choices, name):
+                points = [numbers[k : k + 2] for k in range(0, len(numbers), 2)]
+                shapes += [_dot(point, colour) for point in points]
+                ends = " ".join(f"{x + 0.5},{y + 0.5}" for x, y in points)
+                shapes.append(f'<polyline points="{ends}" stroke="{colour}" stroke-width="2" />')
+        self._picture.content = "".join(shapes)
+
+    async def _track(self) -> None:
+        """Track the markers, and show their motion."""
+        if self._work is not None:
+            return
+        self._work, self._error.text = Work("track"), ""
+        try:
+            tracks = await work(self._work.run, track_film, self.choices, self._folder)
+        except AncfError as error:
+            self._error.text, tracks = str(error), None
+        self._work = None
+        if tracks is not None:
+            show_notes(self._notes, tracks.notes)
+            self._tracks.clear()
+            with self._tracks:
+                ui.button("save the positions", on_click=lambda: ui.download.file(tracks.file))
+                self._show_tracks(tracks)
+
+    def _stop(self) -> None:
+        if self._work is not None:
+            self._work.stop.set()
+
+    def _show_progress(self) -> None:
+        self._progress.text = "" if self._work is None else self._work.progress()
+        self._stop_button.set_visibility(self._work is not None)
+
+
+def _dot(point: Point, colour: str) -> str:
+    """Return a point of the picture as SVG, which counts from the corner of the first pixel."""
+    x, y = point
+    return f'<circle cx="{x + 0.5}" cy="{y + 0.5}" r="5" fill="none" stroke="{colour}" stroke-width="2" />'

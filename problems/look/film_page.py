@@ -50,7 +50,7 @@ class FilmPanel(Panel):
     def _build_choices(self) -> None:
         ui.label(Path(self.choices.file).name).classes("text-subtitle1 break-all")
         ui.label("Click in the picture to place").classes("text-subtitle2")
-        self._place = ui.toggle({name: name for name in POINTS}, value="ruler", on_change=self._points.clear)
+        self._place = ui.toggle({name: name for name in POINTS}, value="ruler", on_change=self._forget_points)
         self._place.props("dense no-caps").mark("place")
         ui.label("markers to track, the origin, two points at a known distance, or two points on a vertical line")
         self._fields.number("ruler_length", "length of the ruler, m", "without it, positions are in pixels")
@@ -103,6 +103,11 @@ class FilmPanel(Panel):
         if len(self._points) == POINTS[name]:
             self.choose(**{name: tuple(number for place in self._points for number in place)})
             self._points.clear()
+        self._draw()
+
+    def _forget_points(self) -> None:
+        """Forget the first click of two."""
+        self._points.clear()
         self._draw()
 
     def _draw(self) -> None:

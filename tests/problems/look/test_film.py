@@ -94,6 +94,11 @@ def test_a_film_is_tracked_and_its_decay_fitted(look, page, tmp_path):
     page.get_by_label("length of the ruler, m").fill("0.3")
     page.get_by_label("length of the ruler, m").press("Enter")
     wait_for(page, "--ruler")
+    page.mouse.click(box["x"] + 50, box["y"] + 50)  # the first of two points, which the choice of another place forgets
+    page.get_by_role("button", name="clamp").click()
+    page.mouse.click(box["x"] + box["width"] / 2, box["y"] + 20.5 * box["height"] / 240)
+    wait_for(page, "--clamp")
+    assert page.locator("circle[r='5']").count() == 3
     page.get_by_role("button", name="track").click()
     page.wait_for_function("document.body.innerText.match(/2\\.00\\d* . \\S+ Hz/)", timeout=30_000)
     wait_for(page, "fit-decay markers.csv --column x2_m")

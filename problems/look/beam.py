@@ -9,7 +9,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TypeVar
 
 from nicegui import events, ui
 
@@ -24,29 +23,25 @@ from problems.look.beam_computation import (
     has_records,
 )
 from problems.look.charts import Options
-from problems.look.computation import Work
 from problems.look.editing import EditedStudy, Place
 from problems.look.form import Change, Form
-from problems.look.widgets import Panel, report_label, set_options, show_notes, work
+from problems.look.widgets import ComputingPanel, columns, report_label, set_options, show_notes
 
+HEADS = {"mode": "mode", "frequency": "frequency, Hz", "ratio": "damping ratio, %"}
 DECADES = 1.0  # that a slider spans to either side of the first guess
 RESOLUTION = 1e-3  # of a slider
 DIGITS = 6  # behind the point of a damping ratio, per cent
-POLLING = 0.2  # s between two looks at the progress
-T = TypeVar("T")
 
 
-class BeamPanel(Panel):
+class BeamPanel(ComputingPanel):
     """The part of the page that belongs to a study with a beam."""
 
     def __init__(self, file: str) -> None:
+        super().__init__()
         self.study = EditedStudy.of(file)
-        self._works: list[Work] = []  # that the thread of all computations has yet to finish
-        self._fitting = False
         self._mode = 1
         self._charts: Sequence[Options] = ()  # of the modes
         self._sliders: dict[tuple[str, Place], Callable[[Unknown], None]] = {}  # each shows a guess
-        ui.context.client.on_disconnect(self._stop)
         with ui.grid(columns="18rem minmax(0, 1fr)").classes("w-full"):
             with ui.column():
                 ui.label(Path(file).name).classes("text-subtitle1")
@@ -69,20 +64,14 @@ class BeamPanel(Panel):
         except AncfError as error:
             self._form_error.text = str(error)
             return
-        self._stop()
+        self.stop()
         self.start()
 
     def _build_beam(self) -> None:
-        columns = [
-            {"name": name, "label": label, "field": name}
-            for name, label in (("mode", "mode"), ("frequency", "frequency, Hz"), ("ratio", "damping ratio, %"))
-        ]
-        with ui.row(align_items="center"):
-            ui.label("Beam at rest, and its modes").classes("text-subtitle1")
-            self._busy = ui.spinner()
+        ui.label("Beam at rest, and its modes").classes("text-subtitle1")
         with ui.row(align_items="start").classes("w-full"):
             self._drawing = ui.html(sanitize=False).classes("fill-current").style("width: 25rem").mark("drawing")
-            self._modes = ui.table(columns=columns, rows=[], row_key="mode", selection="single")
+            self._modes = ui.table(columns=columns(HEADS), rows=[], row_key="mode", selection="single")
             self._modes.props("dense flat hide-selected-banner").on_select(self._choose_mode).mark("modes")
             self._mode_chart = ui.echart({}).style("width: 19rem; height: 19rem").mark("mode-chart")
 
@@ -90,15 +79,11 @@ class BeamPanel(Panel):
         self._motion_error = ui.label().classes("text-negative").mark("motion-error")
         self._motion_title = ui.label().classes("text-subtitle1").mark("motion-title")
         self._unknowns = ui.grid(columns="repeat(auto-fill, minmax(18rem, 1fr))").classes("w-full")
-        with ui.row(align_items="center"):
-            self._fit_button = ui.button("fit", on_click=self._fit)
-            self._stop_button = ui.button("stop", on_click=self._stop).props("outline")
-            self._progress = ui.label().mark("progress")
+        self.build_progress("fit", self._fit)
         self._values = ui.label().classes("text-subtitle1").mark("values")
         self._motion = ui.column().classes("w-full").mark("motion")
         self._notes = ui.column().classes("w-full gap-1").mark("notes")
         self._report = report_label().mark("report")
-        ui.timer(POLLING, self._show_progress)
 
     def _build_study(self) -> None:
         ui.label("The study that does the same").classes("text-subtitle2")
@@ -112,7 +97,7 @@ class BeamPanel(Panel):
         self._text.content = study.text
         self._form.show(study)
         try:
-            if (at_rest := await self._compute(beam_at_rest, study)) is None:
+            if (at_rest := await self.compute(beam_at_rest, study)) is None:
                 return
         except AncfError as error:
             self._form_error.text = "" if self._form.show_error(str(error)) else str(error)
@@ -124,29 +109,13 @@ class BeamPanel(Panel):
         if motion is not None:
             self._show_sliders(motion.guesses)
 
-    async def _compute(self, function: Callable[[EditedStudy], T], study: EditedStudy) -> T | None:
-        """Return the result of a function for a study; None if it was stopped."""
-        computation = Work("fit")
-        self._works.append(computation)
-        self._show_progress()
-        try:
-            return await work(computation.run, function, study)
-        finally:
-            self._works.remove(computation)
-            self._show_progress()
-
-    def _stop(self) -> None:
-        """Stop all that is being computed."""
-        for computation in self._works:
-            computation.stop.set()
-
     async def _show_motion(
-        self, function: Callable[[EditedStudy], MotionView], study: EditedStudy
+        self, function: Callable[[EditedStudy], MotionView], study: EditedStudy, title: str = ""
     ) -> MotionView | None:
         """Compute a motion, or fit it, and show it; return None if that has failed or was stopped."""
         self._motion_error.text, reason = "", "stopped"
         try:
-            motion = await self._compute(function, study)
+            motion = await self.compute(function, study, title=title)
         except AncfError as error:
             motion, reason = None, str(error)
         if study is not self.study or self._motion.is_deleted:  # by a change, or as the page has closed
@@ -165,16 +134,12 @@ class BeamPanel(Panel):
 
     async def _fit(self) -> None:
         """Fit the study that is shown."""
-        if not self._works:
-            self._fitting = True
-            await self._show_motion(fit_study, self.study)
-            self._fitting = False
+        await self._show_motion(fit_study, self.study, "fit")
 
-    def _show_progress(self) -> None:
-        """Show how far the fit is, and the buttons that have an effect."""
-        self._progress.text = self._works[-1].progress() if self._fitting and self._works else ""
-        self._stop_button.set_visibility(bool(self._works))
-        self._fit_button.set_visibility(has_records(self.study) and not self._works)
+    @property
+    def can_act(self) -> bool:
+        """Whether there is something to fit."""
+        return super().can_act and has_records(self.study)
 
     def _show_beam(self, at_rest: BeamAtRest) -> None:
         self._charts, self._drawing.content = at_rest.charts, at_rest.drawing

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from ancf_casadi.dynamics.trajectory import Trajectory
@@ -12,12 +10,11 @@ from ancf_casadi.figures.beams import points_along
 from ancf_casadi.figures.modes import scaled_shape
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.vibration.modes import Modes
-from problems.look.charts import FIT, RECORD, TEXT, Options, line_chart, thin
+from problems.look.charts import FIT, LEGEND, RECORD, TEXT, Options, dots, line, line_chart, thin
 
 FRAMES = 32  # of a period of a mode
 INTERVAL = 50  # ms from one to the next
 MOVING: Options = {"axisType": "category", "autoPlay": True, "loop": True, "show": False, "playInterval": INTERVAL}
-LEGEND: Options = {"legend": {"top": 0, "textStyle": {"color": TEXT}}}
 
 
 def mode_chart(modes: Modes, k: int) -> Options:
@@ -27,9 +24,8 @@ def mode_chart(modes: Modes, k: int) -> Options:
     frames = [equilibrium + swing * shape for swing in np.sin(2 * np.pi * np.arange(FRAMES) / FRAMES)]
     low, high = np.min(frames, axis=(0, 1)), np.max(frames, axis=(0, 1))
     half, middle = 0.55 * float((high - low).max()), (low + high) / 2
-    chart = line_chart(
-        "x, mm", "y, mm", [_line("", equilibrium.tolist(), FIT, 2), _line("", equilibrium.tolist(), TEXT, 1)]
-    )
+    lines = [line("", equilibrium.tolist(), FIT, 2), line("", equilibrium.tolist(), TEXT)]
+    chart = line_chart("x, mm", "y, mm", lines)
     for axis, centre in zip(("xAxis", "yAxis"), middle.tolist(), strict=True):
         chart[axis] |= {"min": centre - half, "max": centre + half}
     return {
@@ -52,7 +48,7 @@ def tip_chart(run: Trajectory) -> Options:
     """Return the chart of the simulated motion of the tip relative to the clamp, from its first place."""
     motion = 1e3 * (run.tip - run.base)
     lines = [
-        _line(name, thin(run.time, values - values[0]), colour, 1)
+        line(name, thin(run.time, values - values[0]), colour)
         for name, values, colour in zip("xy", motion.T, (RECORD, FIT), strict=True)
     ]
     return line_chart("time, s", "motion of the tip, mm", lines) | LEGEND
@@ -61,9 +57,5 @@ def tip_chart(run: Trajectory) -> Options:
 def _values(channel: PredictedChannel, name: str, values: Array, colour: str) -> Options:
     """Return values of a channel in the order of their places: as a line, or as dots if they are single ones."""
     order = np.argsort(channel.places, kind="stable")
-    line = _line(name, thin(channel.places[order], values[order]), colour, 1)
-    return line | ({"type": "scatter", "symbolSize": 7, "showSymbol": True} if channel.labels else {})
-
-
-def _line(name: str, points: list[Any], colour: str, width: float) -> Options:
-    return {"name": name, "type": "line", "data": points, "color": colour, "lineStyle": {"width": width}}
+    draw = dots if channel.labels else line
+    return draw(name, thin(channel.places[order], values[order]), colour)

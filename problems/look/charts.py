@@ -19,6 +19,7 @@ SPARKLINE = (160, 28)  # pixels
 RECORD, FIT, BAND = "#5470c6", "#d9480f", "rgba(217, 72, 15, 0.18)"
 PART = "rgba(136, 136, 136, 0.12)"  # of the record that was fitted
 TEXT, LINES = "#888", "rgba(136, 136, 136, 0.25)"  # on light and on dark pages
+LEGEND = {"legend": {"top": 0, "right": 20, "textStyle": {"color": TEXT}}}
 GRID = {"left": 70, "right": 20, "top": 34, "bottom": 44}
 Options = dict[str, Any]
 BRUSHED: Options = {
@@ -29,10 +30,7 @@ BRUSHED: Options = {
 
 def record_chart(time: Array, values: Array, label: str) -> Options:
     """Return the chart of a record, with a brush over the times, and room for the fit."""
-    lines: list[Options] = [
-        {"name": "record", "type": "line", "data": thin(time, values), "color": RECORD, "lineStyle": {"width": 1}},
-        {"name": "fit", "type": "line", "data": [], "color": FIT, "lineStyle": {"width": 1, "opacity": 0.8}},
-    ]
+    lines = [line("record", thin(time, values), RECORD), line("fit", [], FIT)]
     return line_chart("time, s", label, lines) | BRUSHED
 
 
@@ -55,16 +53,15 @@ def forget_fit(chart: Options) -> None:
 
 def residual_chart(view: DecayView) -> Options:
     """Return the chart of the record less its fit."""
-    data = thin(view.fit.time, -view.fit.residuals)
-    line = {"type": "line", "data": data, "color": RECORD, "lineStyle": {"width": 1}}
-    return line_chart("time, s", f"record less fit, {view.fit.model.sensor.unit}".rstrip(", "), [line])
+    residuals = line("residuals", thin(view.fit.time, -view.fit.residuals), RECORD)
+    return line_chart("time, s", f"record less fit, {view.fit.model.sensor.unit}".rstrip(", "), [residuals])
 
 
 def spectrum_chart(frequencies: Array, amplitudes: Array) -> Options:
     """Return the chart of a spectrum, with a brush over the frequencies."""
     floor = 1e-6 * amplitudes.max(initial=1e-12)
     data = thin(frequencies[1:], np.maximum(amplitudes[1:], floor))
-    options = line_chart("frequency, Hz", "amplitude", [{"type": "line", "data": data, "color": RECORD}])
+    options = line_chart("frequency, Hz", "amplitude", [line("spectrum", data, RECORD)])
     options["yAxis"]["type"] = "log"
     return options | BRUSHED
 
@@ -84,14 +81,12 @@ def amplitude_chart(view: DecayView, quantity: str) -> Options:
     series: list[Options] = [
         shared | {"data": np.column_stack([curve.amplitude, low]).tolist()},
         shared | {"data": np.column_stack([curve.amplitude, height]).tolist(), "areaStyle": {"color": BAND}},
-        {"name": "law", "type": "line", "data": law, "color": FIT},
+        line("law", law, FIT, 2),
     ]
     if view.windows is not None:
         points = np.column_stack([view.windows.amplitude, scale * getattr(view.windows, quantity)])
-        series.append({"name": "windows", "type": "scatter", "data": points.tolist(), "color": RECORD, "symbolSize": 6})
+        series.append(dots("windows", points.tolist(), RECORD))
     options = line_chart(f"amplitude, {unit}".rstrip(", "), label, series)
-    for line in options["series"]:
-        line["showSymbol"] = line["type"] == "scatter"
     formatter = "points => (points.find(point => point.seriesName == 'law') || {data: []}).data[2]"
     return options | {"tooltip": {"trigger": "axis", ":formatter": formatter}}
 
@@ -105,18 +100,15 @@ def at_amplitude(view: DecayView, k: int) -> str:
     return f"at {curve.amplitude[k]:.3g} {curve.unit}: {values} (95 %)"
 
 
-def sparkline(time: Array, values: Array) -> str:
-    """Return the points of a small line for SVG."""
-    x, y = np.array(thin(time, values, SPARKLINE[0] // 2)).T
+def sparkline(values: Array) -> str:
+    """Return the points of a small line of the finite values for SVG, one after another; none for fewer than two."""
+    finite = values[np.isfinite(values)]
+    if finite.size < 2:
+        return ""
+    x, y = np.array(thin(np.arange(finite.size, dtype=float), finite, SPARKLINE[0] // 2)).T
     parts = [(z - z.min()) / max(float(np.ptp(z)), np.finfo(float).tiny) for z in (x, -y)]
     points = np.column_stack([1 + part * (size - 2) for part, size in zip(parts, SPARKLINE, strict=True)])
     return " ".join(f"{across:.1f},{down:.1f}" for across, down in points)
-
-
-def sparkline_of_values(values: Array) -> str:
-    """Return the points of a small line of the finite values, one after another; none for fewer than two."""
-    finite = values[np.isfinite(values)]
-    return sparkline(np.arange(finite.size, dtype=float), finite) if finite.size > 1 else ""
 
 
 def thin(x: Array, y: Array, bins: int = BINS) -> list[list[float]]:
@@ -129,6 +121,16 @@ def thin(x: Array, y: Array, bins: int = BINS) -> list[list[float]]:
     return np.column_stack([x, y]).tolist()  # type: ignore[no-any-return]
 
 
+def line(name: str, points: list[Any], colour: str, width: float = 1.0) -> Options:
+    """Return a line of a chart."""
+    return {"name": name, "type": "line", "data": points, "color": colour, "lineStyle": {"width": width}}
+
+
+def dots(name: str, points: list[Any], colour: str) -> Options:
+    """Return dots of a chart."""
+    return {"name": name, "type": "scatter", "data": points, "color": colour, "symbolSize": 6, "showSymbol": True}
+
+
 def line_chart(x: str, y: str, series: list[Options]) -> Options:
     """Return a chart with the names of its axes."""
     number = {
@@ -138,9 +140,9 @@ def line_chart(x: str, y: str, series: list[Options]) -> Options:
     }
     axis = {"type": "value", "scale": True, "nameLocation": "middle", "nameTextStyle": {"color": TEXT}}
     axis |= {"axisLabel": number | {"color": TEXT}, "splitLine": {"lineStyle": {"color": LINES}}}
-    for line in series:
-        line.setdefault("showSymbol", False)
-        line.setdefault("animation", False)
+    for drawn in series:
+        drawn.setdefault("showSymbol", False)
+        drawn.setdefault("animation", False)
     return {
         "grid": GRID,
         "xAxis": axis | {"name": x, "nameGap": 28, "min": "dataMin", "max": "dataMax"},

@@ -12,10 +12,11 @@ from pathlib import Path
 from tempfile import mkdtemp
 from typing import Any
 
+from ancf_casadi.exceptions import InputError
 from ancf_casadi.records.channel import widest
 from ancf_casadi.records.video.recording import first_picture, marker_table, track_video
 from ancf_casadi.support.files import write_file
-from problems.look.choices import CommandOptions, option_words
+from problems.look.choices import Choices, CommandOptions, option_words
 
 TRACKS_NAME = "markers.csv"
 POINTS = {"marker": 1, "clamp": 1, "ruler": 2, "vertical": 2}  # that the user clicks, and how many clicks each takes
@@ -59,35 +60,31 @@ class FilmChoices(CommandOptions):
         return {"markers": (*others, *([point] if is_new else [])) or None}
 
 
-@dataclass(frozen=True)
-class Tracks:
-    """Positions of the markers of a film, as a file of measurements."""
-
-    file: str
-    column: str  # of the position that moves most
-    notes: Sequence[str]
-
-
 def is_film(files: Sequence[str]) -> bool:
     """Return whether files are one film, by its name."""
     return len(files) == 1 and (mimetypes.guess_type(files[0])[0] or "").startswith("video/")
 
 
-def film_picture(choices: FilmChoices, *, numbered: bool) -> bytes:
-    """Return the first picture, as PNG, perhaps with the numbers of its markers."""
-    settings = {name: value for name, value in choices.options().items() if name in FIRST_PICTURE}
-    return _picture(FilmChoices(choices.file, **settings), numbered)
+def film_picture(choices: FilmChoices) -> tuple[bytes, str]:
+    """Return the first picture, as PNG, with the numbers of its markers; or without them, and why."""
+    return _picture(FilmChoices(choices.file, **{name: getattr(choices, name) for name in FIRST_PICTURE}))
 
 
 @lru_cache(2)
-def _picture(choices: FilmChoices, numbered: bool) -> bytes:
-    return first_picture(choices.file, **choices.options(), numbered=numbered)
+def _picture(choices: FilmChoices) -> tuple[bytes, str]:
+    try:
+        return first_picture(choices.file, **choices.options()), ""
+    except InputError as error:
+        return first_picture(choices.file, **choices.options(), numbered=False), str(error)
 
 
-def track_film(choices: FilmChoices, folder: Path) -> Tracks:
-    """Track the markers, and write their positions to a file in a new folder within one."""
+def track_film(choices: FilmChoices, folder: Path) -> tuple[Choices, Sequence[str]]:
+    """Track the markers, and write their positions to a file in a new folder within one.
+
+    Return the choices for this file, with the position that moves most, and notes.
+    """
     recording = track_video(choices.file, **choices.settings())
     path = Path(mkdtemp(dir=folder)) / TRACKS_NAME
     write_file(path, marker_table(recording).csv().encode())
     moving = widest(channel for channel in recording.channels if not channel.name.startswith("std"))
-    return Tracks(str(path), moving.name, recording.notes)
+    return Choices(str(path), column=moving.name), recording.notes

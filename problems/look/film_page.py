@@ -11,24 +11,21 @@ from typing import Any
 from nicegui import events, ui
 
 from ancf_casadi.exceptions import AncfError
-from problems.look.choices import beside
-from problems.look.computation import Work
-from problems.look.film import POINTS, FilmChoices, Point, Tracks, film_picture, track_film
-from problems.look.widgets import Fields, Panel, show_notes, work
+from problems.look.choices import Choices, beside
+from problems.look.film import POINTS, FilmChoices, Point, film_picture, track_film
+from problems.look.widgets import ComputingPanel, Fields, show_notes, work
 
-POLLING = 0.2  # s between two looks at the progress
 COLOURS = {"clamp": "#2b8a3e", "ruler": "#d9480f", "vertical": "#1971c2"}
 
 
-class FilmPanel(Panel):
+class FilmPanel(ComputingPanel):
     """The part of the page that belongs to a film; ``show_tracks`` shows the tracks below."""
 
-    def __init__(self, file: str, folder: Path, show_tracks: Callable[[Tracks], None]) -> None:
+    def __init__(self, file: str, folder: Path, show_tracks: Callable[[Choices], None]) -> None:
+        super().__init__()
         self.choices, self._folder, self._show_tracks = FilmChoices(file), folder, show_tracks
         self._points: list[Point] = []  # that were clicked of one with two
-        self._work: Work | None = None
         self._fields = Fields(self.choose)
-        ui.context.client.on_disconnect(self._stop)
         with ui.grid(columns="18rem minmax(0, 1fr)").classes("w-full"):
             with ui.column():
                 self._build_choices()
@@ -66,15 +63,10 @@ class FilmPanel(Panel):
         self._error = ui.label().classes("text-negative").mark("film-error")
         self._picture = ui.interactive_image(on_mouse=self._click, events=["click"], cross="#d9480f", sanitize=False)
         self._picture.classes("max-w-full").mark("picture")
-        with ui.row(align_items="center"):
-            ui.button("track", on_click=self._track)
-            self._stop_button = ui.button("stop", on_click=self._stop).props("outline")
-            self._busy = ui.spinner()
-            self._progress = ui.label().mark("progress")
+        self.build_progress("track", self._track)
         self._notes = ui.column().classes("w-full gap-1").mark("film-notes")
         ui.label("The command that tracks the same").classes("text-subtitle2")
         self._command = ui.code("", language="bash").classes("w-full").mark("track-command")
-        ui.timer(POLLING, self._show_progress)
 
     async def update(self) -> None:
         """Show the picture with its markers, or why there are none, and what is placed in it."""
@@ -84,13 +76,10 @@ class FilmPanel(Panel):
         self._command.content = replace(choices, file=beside(choices.file, self._folder)).command()
         self._draw()
         try:
-            self._error.text, picture = "", await work(lambda: film_picture(choices, numbered=True))
+            picture, self._error.text = await work(film_picture, choices)
         except AncfError as error:
             self._error.text = str(error)
-            try:
-                picture = await work(lambda: film_picture(choices, numbered=False))
-            except AncfError:
-                return
+            return
         self._picture.set_source(f"data:image/png;base64,{base64.b64encode(picture).decode()}")
 
     def _click(self, event: events.MouseEventArguments) -> None:
@@ -123,28 +112,18 @@ class FilmPanel(Panel):
 
     async def _track(self) -> None:
         """Track the markers, and show their motion."""
-        if self._work is not None:
-            return
-        self._work, self._error.text = Work("track"), ""
+        self._error.text = ""
         try:
-            tracks = await work(self._work.run, track_film, self.choices, self._folder)
+            tracked = await self.compute(track_film, self.choices, self._folder, title="track")
         except AncfError as error:
-            self._error.text, tracks = str(error), None
-        self._work = None
-        if tracks is not None:
-            show_notes(self._notes, tracks.notes)
+            self._error.text, tracked = str(error), None
+        if tracked is not None:
+            tracks, notes = tracked
+            show_notes(self._notes, notes)
             self._tracks.clear()
             with self._tracks:
                 ui.button("save the positions", on_click=lambda: ui.download.file(tracks.file))
                 self._show_tracks(tracks)
-
-    def _stop(self) -> None:
-        if self._work is not None:
-            self._work.stop.set()
-
-    def _show_progress(self) -> None:
-        self._progress.text = "" if self._work is None else self._work.progress()
-        self._stop_button.set_visibility(self._work is not None)
 
 
 def _dot(point: Point, colour: str) -> str:

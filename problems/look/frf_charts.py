@@ -10,7 +10,7 @@ from ancf_casadi.support.arrays import Array, ComplexArray
 from problems.frf.record import FrfRecord
 from problems.frf.result import FrfFit
 from problems.frf.selection import StabilityChart
-from problems.look.charts import BRUSHED, FIT, PART, RECORD, TEXT, Options, line_chart, thin
+from problems.look.charts import BRUSHED, FIT, LEGEND, PART, RECORD, TEXT, Options, dots, line, line_chart, thin
 
 MOST_DRAWN = 8  # functions
 POLE, STABLE = "#999", "#2f9e44"
@@ -19,7 +19,7 @@ POLE, STABLE = "#999", "#2f9e44"
 def magnitude_chart(record: FrfRecord) -> Options:
     """Return the chart of the magnitudes of functions, with a brush over the frequencies, and room for the fit."""
     drawn = _magnitudes(record.frequencies, record.columns)
-    series = [_line("measured", data, RECORD) for data in drawn] + [_line("fitted", [], FIT) for _ in drawn]
+    series = [line("measured", data, RECORD, 1.5) for data in drawn] + [line("fitted", [], FIT, 1.5) for _ in drawn]
     options = line_chart("frequency, Hz", f"magnitude, {record.unit}", series)
     options["yAxis"]["type"] = "log"
     return _over(options, record) | BRUSHED
@@ -29,8 +29,8 @@ def show_modes(chart: Options, fit: FrfFit) -> None:
     """Draw the fitted functions, and the band of the fit, into the chart of the magnitudes."""
     frequencies, series = fit.record.frequencies, chart["series"]
     fitted = fit.synthesised().reshape(-1, len(frequencies)).T
-    for line, data in zip(series[len(series) // 2 :], _magnitudes(frequencies, fitted), strict=True):
-        line["data"] = data
+    for fit_line, data in zip(series[len(series) // 2 :], _magnitudes(frequencies, fitted), strict=True):
+        fit_line["data"] = data
     ends = [[{"xAxis": frequencies[0]}, {"xAxis": frequencies[-1]}]]
     series[0]["markArea"] = {"silent": True, "itemStyle": {"color": PART}, "data": ends}
 
@@ -40,34 +40,17 @@ def pole_chart(chart: StabilityChart, record: FrfRecord, modes: Sequence[float])
     points = np.column_stack([chart.frequencies, chart.orders, np.arange(len(chart.orders))])
     lines: Options = {"symbol": "none", "silent": True, "lineStyle": {"color": FIT, "type": "dashed"}}
     lines |= {"label": {"formatter": "{c}", "color": TEXT}, "data": [{"xAxis": float(f"{f:.4g}")} for f in modes]}
-    series: list[Options] = [
-        {
-            "name": name,
-            "type": "scatter",
-            "data": points[selected].tolist(),
-            "color": color,
-            "symbolSize": size,
-            "showSymbol": True,
-        }
-        for name, selected, color, size in (
-            ("pole", ~chart.is_stable, POLE, 5),
-            ("stable pole", chart.is_stable, STABLE, 7),
-        )
-    ]
+    stable = chart.is_stable
+    series = [dots("pole", points[~stable].tolist(), POLE), dots("stable pole", points[stable].tolist(), STABLE)]
     series[0]["markLine"] = lines
     options = _over(line_chart("frequency, Hz", "pairs of poles", series), record)
     formatter = "point => `${point.seriesName}, ${Number(point.value[0].toPrecision(6))} Hz`"
-    legend = {"top": 0, "right": 20, "textStyle": {"color": TEXT}}
-    return options | {"tooltip": {"trigger": "item", ":formatter": formatter}, "legend": legend}
+    return options | LEGEND | {"tooltip": {"trigger": "item", ":formatter": formatter}}
 
 
 def _magnitudes(frequencies: Array, values: ComplexArray) -> list[list[list[float]]]:
     """Return the points of the first functions, of their columns."""
     return [thin(frequencies, np.abs(column)) for column in values.T[:MOST_DRAWN]]
-
-
-def _line(name: str, data: list[list[float]], color: str) -> Options:
-    return {"name": name, "type": "line", "data": data, "color": color, "lineStyle": {"width": 1.5, "opacity": 0.8}}
 
 
 def _over(options: Options, record: FrfRecord) -> Options:

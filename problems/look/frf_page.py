@@ -16,7 +16,17 @@ from problems.frf.selection import StabilityChart
 from problems.look.choices import beside
 from problems.look.frf import FrfChoices, choose_pole, comma_numbers, fit_modes, frf_poles, frf_record
 from problems.look.frf_charts import magnitude_chart, pole_chart, show_modes
-from problems.look.widgets import Fields, Panel, brushed_chart, redraw, report_label, set_options, show_notes, work
+from problems.look.widgets import (
+    Fields,
+    Panel,
+    brushed_chart,
+    columns,
+    redraw,
+    report_label,
+    set_options,
+    show_notes,
+    work,
+)
 from problems.study.formatting import shown
 
 HEADS = {"mode": "mode", "frequency": "frequency, Hz", "damping_ratio": "damping ratio, %"}
@@ -90,8 +100,7 @@ class FrfPanel(Panel):
         self._fit_error = ui.label().classes("text-negative").mark("fit-error")
         self._stability = ui.echart({}, on_point_click=self._choose_pole).classes("w-full h-72").mark("stability")
         self._poles_error = ui.label().classes("text-negative").mark("poles-error")
-        columns = [{"name": name, "label": head, "field": name, "align": "left"} for name, head in HEADS.items()]
-        self._table = ui.table(columns=columns, rows=[], row_key="mode").props("flat dense").mark("modes-table")
+        self._table = ui.table(columns=columns(HEADS), rows=[], row_key="mode").props("flat dense").mark("modes-table")
         self._notes = ui.column().classes("w-full gap-1").mark("notes")
         self._report = report_label().mark("report")
         ui.label("The command that does the same").classes("text-subtitle2")

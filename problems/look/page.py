@@ -28,12 +28,12 @@ from problems.look.charts import (
     record_chart,
     residual_chart,
     show_fit,
-    sparkline_of_values,
+    sparkline,
     spectrum_chart,
 )
 from problems.look.choices import STUDY_NAME, Choices, Takes, beside, change_takes, command, has_beam, read_takes, study
 from problems.look.computation import DecayView, contents, fit_chosen, over_frequency, recording, spectrum, whole_record
-from problems.look.film import Tracks, is_film
+from problems.look.film import is_film
 from problems.look.takes import TakesTable
 from problems.look.widgets import (
     Fields,
@@ -119,9 +119,9 @@ def new_panel(files: Sequence[str], origin: Path, is_over_frequency: bool) -> Pa
     return RecordPanel(read_takes(files), origin)
 
 
-def show_tracks(tracks: Tracks) -> None:
+def show_tracks(tracks: Choices) -> None:
     """Show the tracks of a film."""
-    RecordPanel((Choices(tracks.file, column=tracks.column),), Path(tracks.file).parent).start()
+    RecordPanel((tracks,), Path(tracks.file).parent).start()
 
 
 class RecordPanel(Panel):
@@ -179,7 +179,8 @@ class RecordPanel(Panel):
             self._fields.number(name, name.replace("_", " "), hint)
         self._release = ui.label()
         self._band = ui.label()
-        ui.button("all times and frequencies", on_click=self._choose_all).props("flat dense")
+        everything = dict.fromkeys(("begin", "end", "release_time", "band"))
+        ui.button("all times and frequencies", on_click=lambda: self.choose(**everything)).props("flat dense")
         ui.label("Laws").classes("text-subtitle2")
         for name, laws in LAWS_OF.items():
             default = "linear; auto compares all" if name == "law" else "constant, or auto if the law is"
@@ -202,10 +203,8 @@ class RecordPanel(Panel):
         self._study = ui.code("", language="toml").classes("w-full").mark("study")
         with ui.row():
             ui.button("save study.toml", on_click=lambda: ui.download.content(self._study.content, STUDY_NAME))
-            self._saving = [
-                ui.button("save the report", on_click=self._save_report),
-                ui.button("save the figure", on_click=self._save_figure),
-            ]
+            for title, save in (("save the report", self._save_report), ("save the figure", self._save_figure)):
+                ui.button(title, on_click=save).bind_enabled_from(self._report, "text", bool)
 
     def _build_charts(self) -> None:
         self._record_chart = brushed_chart(lambda low, high: self.choose(begin=low, end=high), "h-64")
@@ -216,9 +215,6 @@ class RecordPanel(Panel):
             self._curves = {name: ui.echart({}).classes("w-full h-56") for name in ("damping_ratio", "frequency")}
         self._notes = ui.column().classes("w-full gap-1").mark("notes")
         self._report = report_label().mark("report")
-
-    def _choose_all(self) -> None:
-        self.choose(begin=None, end=None, release_time=None, band=None)
 
     async def update(self) -> None:
         """Read what is chosen, fit it, and show both; then the other takes."""
@@ -258,8 +254,6 @@ class RecordPanel(Panel):
         self._view, self._fit_error.text = None, reason
         self._summary.text = self._report.text = self._release.text = self._probabilities.text = ""
         self._notes.clear()
-        for button in self._saving:
-            button.disable()
         for chart in (self._residual_chart, *self._curves.values()):
             set_options(chart, {})
 
@@ -278,7 +272,7 @@ class RecordPanel(Panel):
         usable = {channel.name: channel.values for channel in record.measured}
         self._offer("column", [*usable])
         if self.choices.column is None and len(usable) > 1:
-            lines = {name: sparkline_of_values(values) for name, values in usable.items()}
+            lines = {name: sparkline(values) for name, values in usable.items()}
             show_lines(self._lines, lines, lambda name: self.choose(column=name))
 
     def _offer(self, name: str, columns: Sequence[str]) -> None:
@@ -312,8 +306,6 @@ class RecordPanel(Panel):
         ranking = sorted(view.probabilities.items(), key=lambda pair: -pair[1])
         words = [f"{law} {100 * probability:.1f} %" for law, probability in ranking if probability >= LEAST_SHOWN]
         self._probabilities.text = f"Probabilities of the laws: {', '.join(words)}" if words else ""
-        for button in self._saving:
-            button.enable()
 
     def _save_report(self) -> None:
         reports = [self._table.report if self._table else "", self._report.text]

@@ -22,7 +22,7 @@ from urllib.parse import parse_qs
 
 from problems.look.choices import has_beam, read_takes
 from problems.look.computation import WORKER, fit_chosen, over_frequency
-from problems.look.film import FilmChoices, film_picture, is_film
+from problems.look.film import is_film
 from problems.look.page import build_page
 
 HOST = "127.0.0.1"
@@ -91,15 +91,13 @@ async def _wait_until_answered(port: int) -> None:
 
 def _compute(files: Sequence[str]) -> None:
     """Compute what the page of files shows first."""
-    if is_film(files):
-        film_picture(FilmChoices(files[0]), numbered=True)
-    elif over_frequency(files):
+    if over_frequency(files):
         from problems.look.frf import FrfChoices, fit_modes, frf_poles  # slow to import, and decays do not need it
 
         choices = FrfChoices(tuple(files))
         frf_poles(choices)
         fit_modes(choices)
-    elif not has_beam(files):
+    elif not (has_beam(files) or is_film(files)):
         fit_chosen(read_takes(files)[0])
 
 

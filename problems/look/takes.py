@@ -13,7 +13,7 @@ from ancf_casadi.exceptions import AncfError
 from problems.look.charts import SPARKLINE, sparkline
 from problems.look.choices import Choices, Takes
 from problems.look.computation import compare_takes, fit_chosen, whole_record
-from problems.look.widgets import report_label, show_notes, work
+from problems.look.widgets import columns, report_label, show_notes, work
 from problems.study.formatting import shown
 
 HEADS = {"file": "take", "record": "record", "release": "release, s", "frequency": "frequency, Hz",
@@ -38,8 +38,7 @@ class TakesTable:
 
     def __init__(self, show_take: Callable[[int], None]) -> None:
         self.report = ""
-        columns = [{"name": name, "label": head, "field": name, "align": "left"} for name, head in HEADS.items()]
-        self._table = ui.table(columns=columns, rows=[], row_key="take").classes("w-full").props("flat dense")
+        self._table = ui.table(columns=columns(HEADS), rows=[], row_key="take").classes("w-full").props("flat dense")
         self._table.mark("takes").add_slot("body", ROW)
         self._table.on("choose", lambda event: show_take(event.args))
         self._verdict = ui.column().classes("w-full gap-0").mark("verdict")
@@ -86,7 +85,7 @@ async def _row(take: Choices) -> dict[str, Any]:
     row: dict[str, Any] = {"file": Path(take.file).name}
     try:
         record = await work(whole_record, take)
-        row["record"] = sparkline(record.time, record.values)
+        row["record"] = sparkline(record.values)
         view = await work(fit_chosen, take)
     except AncfError as error:
         return row | {"error": str(error).removeprefix(f"{take.file}: ")}

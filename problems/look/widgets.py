@@ -11,10 +11,11 @@ from nicegui import events, ui
 
 from problems.look.charts import SPARKLINE
 from problems.look.choices import DIGITS
-from problems.look.computation import WORKER
+from problems.look.computation import WORKER, Work
 
 T = TypeVar("T")
 
+POLLING = 0.2  # s between two looks at the progress
 BRUSHING = "{type: 'takeGlobalCursor', key: 'brush', brushOption: {brushType: 'lineX', brushMode: 'single'}}"
 
 
@@ -54,6 +55,51 @@ class Panel(ABC):
         ui.download.content(await work(lambda: figure_bytes(figure(), ".png")), "fit.png")
 
 
+class ComputingPanel(Panel):
+    """A panel whose computations take long: they count their steps, and the user can stop them."""
+
+    def __init__(self) -> None:
+        self._works: list[Work] = []  # that the thread of all computations has yet to finish
+        ui.context.client.on_disconnect(self.stop)
+
+    def build_progress(self, title: str, action: Callable[[], Any]) -> None:
+        """Build the button of an action that takes long, one that stops it, and its progress."""
+        with ui.row(align_items="center"):
+            self._action = ui.button(title, on_click=action)
+            self._stop = ui.button("stop", on_click=self.stop).props("outline")
+            self._busy = ui.spinner()
+            self._progress = ui.label().mark("progress")
+        ui.timer(POLLING, self.show_progress)
+
+    async def compute(self, function: Callable[..., T], *arguments: Any, title: str = "") -> T | None:
+        """Return the result of a function; None if it was stopped.  With a title, its progress is shown."""
+        computation = Work(title)
+        self._works.append(computation)
+        self.show_progress()
+        try:
+            return await work(computation.run, function, *arguments)
+        finally:
+            self._works.remove(computation)
+            self.show_progress()
+
+    def stop(self) -> None:
+        """Stop all that is being computed."""
+        for computation in self._works:
+            computation.stop.set()
+
+    @property
+    def can_act(self) -> bool:
+        """Whether the action has an effect."""
+        return not self._works
+
+    def show_progress(self) -> None:
+        """Show how far the last computation is, and the buttons that have an effect."""
+        latest = self._works[-1] if self._works else None
+        self._progress.text = latest.progress() if latest and latest.title else ""
+        self._stop.set_visibility(latest is not None)
+        self._action.set_visibility(self.can_act)
+
+
 class Fields:
     """Fields for options by their names, which pass a new value to a function as its argument."""
 
@@ -62,24 +108,24 @@ class Fields:
 
     def select(self, name: str, options: Sequence[Any], label: str, hint: str = "") -> None:
         """Add a field with a list."""
-
-        def choose_value(event: events.ValueChangeEventArguments[Any]) -> None:
-            self._choose(**{name: event.value})
-
-        select = ui.select([*options], label=label, on_change=choose_value, clearable=True)
-        self.by_name[name] = select.props(f'dense hint="{hint}"').classes("w-full").mark(name)
+        field = ui.select([*options], label=label, clearable=True)
+        field.on_value_change(lambda: self._choose(**{name: field.value}))
+        self._add(name, field, hint)
 
     def text(self, name: str, label: str, hint: str) -> None:
         """Add a field for a text."""
-        field = ui.input(label).props(f'dense hint="{hint}"')
+        field = ui.input(label)
         field.on("change", lambda: self._choose(**{name: field.value or None}))
-        self.by_name[name] = field.classes("w-full").mark(name)
+        self._add(name, field, hint)
 
     def number(self, name: str, label: str, hint: str = "", kind: type[float] = float) -> None:
         """Add a field for a number."""
-        field = ui.number(label, format="%.6g").props(f'dense hint="{hint}"')
+        field = ui.number(label, format="%.6g")
         field.on("change", lambda: self._choose(**{name: None if field.value is None else kind(field.value)}))
-        self.by_name[name] = field.classes("w-full").mark(name)
+        self._add(name, field, hint)
+
+    def _add(self, name: str, field: ui.element, hint: str) -> None:
+        self.by_name[name] = field.props(f'dense hint="{hint}"').classes("w-full").mark(name)
 
 
 async def work(function: Callable[..., T], *arguments: Any) -> T:
@@ -106,6 +152,11 @@ def show_lines(row: ui.row, lines: Mapping[str, str], choose: Callable[[str], No
                 with ui.element("svg").props(f"width={width} height={height}"):
                     ui.element("polyline").props(f'points="{points}" fill=none stroke=currentColor')
                 ui.label(name).classes("pl-2 break-all")
+
+
+def columns(heads: Mapping[str, str]) -> list[dict[str, Any]]:
+    """Return the columns of a table by the names of their values."""
+    return [{"name": name, "label": head, "field": name, "align": "left"} for name, head in heads.items()]
 
 
 def report_label() -> ui.label:

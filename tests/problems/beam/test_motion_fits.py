@@ -465,7 +465,7 @@ def test_guesses_give_the_motion_that_is_simulated_with_them_without_a_fit(model
     noise = NOISE * np.random.default_rng(0).normal(size=simulated.positions.shape)
     for k, channel in enumerate(guesses.records.channels):
         expected = (simulated.positions - noise)[:, 0, k]
-        assert channel.predicted == pytest.approx(expected, abs=1e-4 * np.ptp(expected))
+        assert channel.predicted == pytest.approx(expected, abs=1e-3 * np.ptp(expected))  # at a coarse tolerance
         assert channel.rms_error > 2 * NOISE  # the guess is not the truth
         assert np.isnan(channel.errors).all()
 

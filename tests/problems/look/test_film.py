@@ -37,8 +37,8 @@ def test_the_command_tracks_the_same(tmp_path, monkeypatch, capsys):
     film = str(write_film(tmp_path / "a film.avi"))
     choices = FilmChoices(film, ruler=(10.0, 20.0, 310.0, 20.0), ruler_length=0.3, clamp=(160.0, 20.0))
     choices = replace(choices, **choices.with_marker((220.0, 180.0)))
-    tracks = track_film(choices, tmp_path)
-    assert tracks.column == "x1_m" and any("slow motion" in note for note in tracks.notes)
+    tracks, notes = track_film(choices, tmp_path)
+    assert tracks.column == "x1_m" and any("slow motion" in note for note in notes)
     monkeypatch.chdir(tmp_path)
     assert main(shlex.split(choices.command())[1:]) == 0
     assert (tmp_path / "markers.csv").read_text() == Path(tracks.file).read_text()
@@ -64,10 +64,12 @@ def test_a_second_click_takes_a_marker_away():
 
 def test_a_picture_without_markers_is_shown_all_the_same(tmp_path):
     film = FilmChoices(str(write_film(tmp_path / "film.avi", 12)), markers=((300.0, 230.0),))
-    with pytest.raises(InputError, match="marker 1"):
-        film_picture(film, numbered=True)
-    decoded = cv2.imdecode(np.frombuffer(film_picture(film, numbered=False), np.uint8), cv2.IMREAD_GRAYSCALE)
+    picture, reason = film_picture(film)
+    assert "marker 1" in reason and film_picture(replace(film, markers=None))[1] == ""
+    decoded = cv2.imdecode(np.frombuffer(picture, np.uint8), cv2.IMREAD_GRAYSCALE)
     assert decoded.shape == (240, 320)
+    with pytest.raises(InputError, match="ends before"):
+        film_picture(replace(film, begin=5.0))
 
 
 def test_tracking_stops_when_asked(tmp_path):

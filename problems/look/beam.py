@@ -36,17 +36,17 @@ DIGITS = 6  # behind the point of a damping ratio, per cent
 class BeamPanel(ComputingPanel):
     """The part of the page that belongs to a study with a beam."""
 
-    def __init__(self, file: str) -> None:
+    def __init__(self, files: Sequence[str], folder: Path) -> None:
         super().__init__()
-        self.study = EditedStudy.of(file)
+        self.study = EditedStudy.of(files[0])
         self._mode = 1
         self._charts: Sequence[Options] = ()  # of the modes
         self._sliders: dict[tuple[str, Place], Callable[[Unknown], None]] = {}  # each shows a guess
         with ui.grid(columns="18rem minmax(0, 1fr)").classes("w-full"):
             with ui.column():
-                ui.label(Path(file).name).classes("text-subtitle1")
+                ui.label(Path(files[0]).name).classes("text-subtitle1")
                 self._form_error = ui.label().classes("text-negative").mark("form-error")
-                self._form = Form(self.study, self.choose)
+                self._form = Form(self.study, self.change)
             with ui.column().classes("w-full"):
                 self._build_beam()
                 self._build_motion()
@@ -57,7 +57,7 @@ class BeamPanel(ComputingPanel):
         """The latest study."""
         return self.study
 
-    def choose(self, change: Change) -> None:
+    def change(self, change: Change) -> None:
         """Change the study, and compute anew."""
         try:
             self.study = change(self.study)
@@ -176,7 +176,7 @@ class BeamPanel(ComputingPanel):
         def choose() -> None:
             factor = first * 10.0**slider.value / guess
             if not math.isclose(factor, 1.0, rel_tol=RESOLUTION):
-                self.choose(lambda study: study.scaled(place, factor))
+                self.change(lambda study: study.scaled(place, factor))
 
         def show(unknown: Unknown) -> None:
             nonlocal guess

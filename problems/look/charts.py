@@ -6,13 +6,15 @@ looks the same.
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ancf_casadi.support.arrays import Array
-from problems.look.computation import DecayView
 from problems.study.formatting import shown
+
+if TYPE_CHECKING:
+    from problems.look.computation import DecayView  # slow to import
 
 BINS = 1500  # pixels of a wide screen
 SPARKLINE = (160, 28)  # pixels

@@ -6,6 +6,7 @@ Each file of several is a take of the same mode: a record with options of its ow
 from __future__ import annotations
 
 import json
+import mimetypes
 import shlex
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
@@ -67,6 +68,11 @@ Takes = tuple[Choices, ...]
 def has_beam(files: Sequence[str]) -> bool:
     """Return whether files are one study with a beam."""
     return len(files) == 1 and Path(files[0]).suffix.lower() == ".toml" and "beam" in read_toml(files[0])
+
+
+def is_film(files: Sequence[str]) -> bool:
+    """Return whether files are one film, by its name."""
+    return len(files) == 1 and (mimetypes.guess_type(files[0])[0] or "").startswith("video/")
 
 
 def read_takes(files: Sequence[str]) -> Takes:

@@ -1,18 +1,12 @@
-"""The record and the fit that belong to what a user has chosen, by the public functions.
-
-One thread, ``WORKER``, does this work, so that nothing is computed twice at the same time.
-"""
+"""The record and the fit that belong to what a user has chosen, by the public functions."""
 
 from __future__ import annotations
 
-import threading
-import time
-from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 
@@ -27,8 +21,6 @@ from ancf_casadi.records.reading.formats import read_contents
 from ancf_casadi.records.recording import with_times
 from ancf_casadi.records.sensor import Sensor
 from ancf_casadi.support.arrays import Array
-from ancf_casadi.support.interrupts import stoppable
-from ancf_casadi.support.progress import counted, progress_line
 from problems.decay.comparison import compare_decay_laws, comparison_arguments
 from problems.decay.fitting import fit_decay, fit_decays
 from problems.decay.law_curve import law_curve, measured_curve
@@ -37,9 +29,6 @@ from problems.decay.result import DecayFit
 from problems.decay.takes import DecayFits
 from problems.look.choices import Choices, Takes
 
-T = TypeVar("T")
-
-WORKER = ThreadPoolExecutor(1)
 MOST_TAKES = 32  # whose fits are kept
 AMPLITUDES = 60  # at which the page shows frequency and damping ratio
 
@@ -53,31 +42,6 @@ class DecayView:
     curve: LawCurve  # frequency and damping ratio against amplitude, with bands
     windows: DampingCurve | None  # the same without a law; None if the record is too short
     probabilities: dict[str, float]  # of the laws that were compared, by name; empty for one law
-
-
-@dataclass(eq=False)
-class Work:
-    """A computation that counts its steps, and that another thread can stop."""
-
-    title: str
-    began: float = field(default_factory=time.perf_counter)
-    steps: int = 0
-    stop: threading.Event = field(default_factory=threading.Event)
-
-    def run(self, function: Callable[..., T], *arguments: object) -> T | None:
-        """Return the result of a function; None if it was stopped."""
-        try:
-            with stoppable(self.stop), counted(self._count):
-                return function(*arguments)
-        except KeyboardInterrupt:
-            return None
-
-    def progress(self) -> str:
-        """Return what a command would show of the progress."""
-        return progress_line(self.title, self.steps, time.perf_counter() - self.began)
-
-    def _count(self) -> None:
-        self.steps += 1
 
 
 @lru_cache(8)

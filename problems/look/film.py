@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import mimetypes
 import shlex
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -58,11 +57,6 @@ class FilmChoices(CommandOptions):
         others = tuple(marker for marker in self.markers or () if math.dist(marker, point) > SAME_MARKER)
         is_new = len(others) == len(self.markers or ())
         return {"markers": (*others, *([point] if is_new else [])) or None}
-
-
-def is_film(files: Sequence[str]) -> bool:
-    """Return whether files are one film, by its name."""
-    return len(files) == 1 and (mimetypes.guess_type(files[0])[0] or "").startswith("video/")
 
 
 def film_picture(choices: FilmChoices) -> tuple[bytes, str]:

@@ -3,27 +3,28 @@
 from __future__ import annotations
 
 import base64
-from collections.abc import Callable
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 from nicegui import events, ui
 
 from ancf_casadi.exceptions import AncfError
-from problems.look.choices import Choices, beside
+from problems.look.choices import beside
 from problems.look.film import POINTS, FilmChoices, Point, film_picture, track_film
-from problems.look.widgets import ComputingPanel, Fields, show_notes, work
+from problems.look.record_page import RecordPanel
+from problems.look.widgets import ComputingPanel, Fields, show_notes
+from problems.look.worker import work
 
 COLOURS = {"clamp": "#2b8a3e", "ruler": "#d9480f", "vertical": "#1971c2"}
 
 
 class FilmPanel(ComputingPanel):
-    """The part of the page that belongs to a film; ``show_tracks`` shows the tracks below."""
+    """The part of the page that belongs to a film, with the tracks of its markers below."""
 
-    def __init__(self, file: str, folder: Path, show_tracks: Callable[[Choices], None]) -> None:
+    def __init__(self, files: Sequence[str], folder: Path) -> None:
         super().__init__()
-        self.choices, self._folder, self._show_tracks = FilmChoices(file), folder, show_tracks
+        self.choices, self._folder = FilmChoices(files[0]), folder
         self._points: list[Point] = []  # that were clicked of one with two
         self._fields = Fields(self.choose)
         with ui.grid(columns="18rem minmax(0, 1fr)").classes("w-full"):
@@ -32,17 +33,6 @@ class FilmPanel(ComputingPanel):
             with ui.column().classes("w-full"):
                 self._build_results()
         self._tracks = ui.column().classes("w-full")
-
-    @property
-    def chosen(self) -> FilmChoices:
-        """The options of ``track``."""
-        return self.choices
-
-    def choose(self, **changes: Any) -> None:
-        """Change choices, and show the picture anew."""
-        if (changed := replace(self.choices, **changes)) != self.choices:
-            self.choices = changed
-            self.start()
 
     def _build_choices(self) -> None:
         ui.label(Path(self.choices.file).name).classes("text-subtitle1 break-all")
@@ -123,7 +113,7 @@ class FilmPanel(ComputingPanel):
             self._tracks.clear()
             with self._tracks:
                 ui.button("save the positions", on_click=lambda: ui.download.file(tracks.file))
-                self._show_tracks(tracks)
+                RecordPanel((tracks,), Path(tracks.file).parent).start()
 
 
 def _dot(point: Point, colour: str) -> str:

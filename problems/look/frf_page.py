@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, get_args
+from typing import get_args
 
 from nicegui import events, ui
 
@@ -25,8 +25,8 @@ from problems.look.widgets import (
     report_label,
     set_options,
     show_notes,
-    work,
 )
+from problems.look.worker import work
 from problems.study.formatting import shown
 
 HEADS = {"mode": "mode", "frequency": "frequency, Hz", "damping_ratio": "damping ratio, %"}
@@ -45,17 +45,6 @@ class FrfPanel(Panel):
                 self._build_choices()
             with ui.column().classes("w-full"):
                 self._build_results()
-
-    @property
-    def chosen(self) -> FrfChoices:
-        """The options of ``fit-frf``."""
-        return self.choices
-
-    def choose(self, **changes: Any) -> None:
-        """Change choices, and read and fit anew."""
-        if (changed := replace(self.choices, **changes)) != self.choices:
-            self.choices = changed
-            self.start()
 
     def _choose_frequencies(self) -> None:
         try:

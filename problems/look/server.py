@@ -20,10 +20,9 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import parse_qs
 
-from problems.look.choices import has_beam, read_takes
-from problems.look.computation import WORKER, fit_chosen, over_frequency
-from problems.look.film import is_film
+from problems.look.choices import has_beam, is_film, read_takes
 from problems.look.page import build_page
+from problems.look.worker import WORKER
 
 HOST = "127.0.0.1"
 COOKIE = "ancf_casadi_token"
@@ -91,13 +90,17 @@ async def _wait_until_answered(port: int) -> None:
 
 def _compute(files: Sequence[str]) -> None:
     """Compute what the page of files shows first."""
+    if has_beam(files) or is_film(files):
+        return
+    from problems.look.computation import fit_chosen, over_frequency  # slow to import
+
     if over_frequency(files):
-        from problems.look.frf import FrfChoices, fit_modes, frf_poles  # slow to import, and decays do not need it
+        from problems.look.frf import FrfChoices, fit_modes, frf_poles
 
         choices = FrfChoices(tuple(files))
         frf_poles(choices)
         fit_modes(choices)
-    elif not (has_beam(files) or is_film(files)):
+    else:
         fit_chosen(read_takes(files)[0])
 
 

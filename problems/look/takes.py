@@ -13,7 +13,8 @@ from ancf_casadi.exceptions import AncfError
 from problems.look.charts import SPARKLINE, sparkline
 from problems.look.choices import Choices, Takes
 from problems.look.computation import compare_takes, fit_chosen, whole_record
-from problems.look.widgets import columns, report_label, show_notes, work
+from problems.look.widgets import columns, report_label, show_notes
+from problems.look.worker import work
 from problems.study.formatting import shown
 
 HEADS = {"file": "take", "record": "record", "release": "release, s", "frequency": "frequency, Hz",

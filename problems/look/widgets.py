@@ -5,13 +5,14 @@ from __future__ import annotations
 import asyncio
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from typing import Any, TypeVar
 
 from nicegui import events, ui
 
 from problems.look.charts import SPARKLINE
 from problems.look.choices import DIGITS
-from problems.look.computation import WORKER, Work
+from problems.look.worker import Work, work
 
 T = TypeVar("T")
 
@@ -22,13 +23,20 @@ BRUSHING = "{type: 'takeGlobalCursor', key: 'brush', brushOption: {brushType: 'l
 class Panel(ABC):
     """A part of the page that reads and fits in the thread until it shows what the user has chosen last."""
 
+    choices: Any  # options of a command, a dataclass
     _task: asyncio.Task[None] | None = None
     _busy: ui.spinner
 
     @property
-    @abstractmethod
     def chosen(self) -> Any:
         """All that the user has chosen."""
+        return self.choices
+
+    def choose(self, **changes: Any) -> None:
+        """Change choices, and show what belongs to them."""
+        if (changed := replace(self.choices, **changes)) != self.choices:
+            self.choices = changed
+            self.start()
 
     @abstractmethod
     async def update(self) -> None:
@@ -126,11 +134,6 @@ class Fields:
 
     def _add(self, name: str, field: ui.element, hint: str) -> None:
         self.by_name[name] = field.props(f'dense hint="{hint}"').classes("w-full").mark(name)
-
-
-async def work(function: Callable[..., T], *arguments: Any) -> T:
-    """Return the result of a function that the thread of all computations calls."""
-    return await asyncio.get_running_loop().run_in_executor(WORKER, function, *arguments)
 
 
 def show_notes(column: ui.column, notes: Sequence[str]) -> None:

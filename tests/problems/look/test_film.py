@@ -11,8 +11,9 @@ import pytest
 from ancf_casadi import Measurement
 from ancf_casadi.exceptions import InputError
 from problems.cli import _parser, main
-from problems.look.computation import Work
-from problems.look.film import FilmChoices, film_picture, is_film, track_film
+from problems.look.choices import is_film
+from problems.look.film import FilmChoices, film_picture, track_film
+from problems.look.worker import Work
 from tests.problems.look.conftest import in_browser, wait_for
 
 cv2 = pytest.importorskip("cv2")

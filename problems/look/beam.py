@@ -42,15 +42,7 @@ class BeamPanel(ComputingPanel):
         self._mode = 1
         self._charts: Sequence[Options] = ()  # of the modes
         self._sliders: dict[tuple[str, Place], Callable[[Unknown], None]] = {}  # each shows a guess
-        with ui.grid(columns="18rem minmax(0, 1fr)").classes("w-full"):
-            with ui.column():
-                ui.label(Path(files[0]).name).classes("text-subtitle1")
-                self._form_error = ui.label().classes("text-negative").mark("form-error")
-                self._form = Form(self.study, self.change)
-            with ui.column().classes("w-full"):
-                self._build_beam()
-                self._build_motion()
-                self._build_study()
+        self.build()
 
     @property
     def chosen(self) -> EditedStudy:
@@ -66,6 +58,16 @@ class BeamPanel(ComputingPanel):
             return
         self.stop()
         self.start()
+
+    def _build_choices(self) -> None:
+        ui.label(Path(self.study.file.path).name).classes("text-subtitle1")
+        self._form_error = ui.label().classes("text-negative").mark("form-error")
+        self._form = Form(self.study, self.change)
+
+    def _build_results(self) -> None:
+        self._build_beam()
+        self._build_motion()
+        self._build_study()
 
     def _build_beam(self) -> None:
         ui.label("Beam at rest, and its modes").classes("text-subtitle1")
@@ -138,15 +140,15 @@ class BeamPanel(ComputingPanel):
 
     @property
     def can_act(self) -> bool:
-        """Whether there is something to fit."""
+        """True if the study has measurements, and nothing is being computed."""
         return super().can_act and has_records(self.study)
 
     def _show_beam(self, at_rest: BeamAtRest) -> None:
         self._charts, self._drawing.content = at_rest.charts, at_rest.drawing
-        columns = zip(at_rest.frequencies.tolist(), (100.0 * at_rest.damping_ratios).tolist(), strict=True)
+        modes = zip(at_rest.frequencies.tolist(), (100.0 * at_rest.damping_ratios).tolist(), strict=True)
         self._modes.rows = [
             {"mode": k, "frequency": f"{frequency:.6g}", "ratio": f"{round(ratio, DIGITS):.4g}"}
-            for k, (frequency, ratio) in enumerate(columns, start=1)
+            for k, (frequency, ratio) in enumerate(modes, start=1)
         ]
         self._show_mode(min(self._mode, len(at_rest.charts)))
 

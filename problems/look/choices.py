@@ -105,6 +105,11 @@ def change_takes(takes: Takes, shown: int, **changes: Any) -> Takes:
     return tuple(replace(take, **changes) if k == shown else changed(take) for k, take in enumerate(takes))
 
 
+def band_text(band: tuple[float, float] | None) -> str:
+    """Return a band of frequencies, Hz, in words."""
+    return "band: " + ("{:g} to {:g} Hz".format(*band) if band else "all frequencies")
+
+
 def beside(file: str, folder: Path) -> str:
     """Return the name of a file as from a folder, if it is there."""
     path = Path(file)

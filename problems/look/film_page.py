@@ -27,11 +27,7 @@ class FilmPanel(ComputingPanel):
         self.choices, self._folder = FilmChoices(files[0]), folder
         self._points: list[Point] = []  # that were clicked of one with two
         self._fields = Fields(self.choose)
-        with ui.grid(columns="18rem minmax(0, 1fr)").classes("w-full"):
-            with ui.column():
-                self._build_choices()
-            with ui.column().classes("w-full"):
-                self._build_results()
+        self.build()
         self._tracks = ui.column().classes("w-full")
 
     def _build_choices(self) -> None:

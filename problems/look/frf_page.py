@@ -13,7 +13,7 @@ from ancf_casadi.exceptions import AncfError, InputError
 from ancf_casadi.response.linear_frf import FrfKind
 from problems.frf.result import FrfFit
 from problems.frf.selection import StabilityChart
-from problems.look.choices import beside
+from problems.look.choices import band_text, beside
 from problems.look.frf import FrfChoices, choose_pole, comma_numbers, fit_modes, frf_poles, frf_record
 from problems.look.frf_charts import magnitude_chart, pole_chart, show_modes
 from problems.look.widgets import (
@@ -40,11 +40,7 @@ class FrfPanel(Panel):
         self._poles: StabilityChart | None = None
         self._fit: FrfFit | None = None
         self._fields = Fields(self.choose)
-        with ui.grid(columns="18rem minmax(0, 1fr)").classes("w-full"):
-            with ui.column():
-                self._build_choices()
-            with ui.column().classes("w-full"):
-                self._build_results()
+        self.build()
 
     def _choose_frequencies(self) -> None:
         try:
@@ -128,7 +124,7 @@ class FrfPanel(Panel):
         for name, field in self._fields.by_name.items():
             field.value = getattr(choices, name)
         self._frequencies.value = ", ".join(map(str, choices.frequencies or ()))
-        self._band.text = "band: " + ("{:g} to {:g} Hz".format(*choices.band) if choices.band else "all frequencies")
+        self._band.text = band_text(choices.band)
         files = tuple(beside(file, self._folder) for file in choices.files)
         self._command.content = replace(choices, files=files).command()
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from tempfile import mkdtemp
+from typing import Literal
 
 from nicegui import events, ui
 
@@ -12,6 +13,8 @@ from ancf_casadi.exceptions import AncfError
 from problems.look.choices import has_beam, is_film
 from problems.look.widgets import Panel
 from problems.look.worker import work
+
+Kind = Literal["beam", "film", "functions", "records"]
 
 
 def build_page(files: Sequence[str], folder: Path) -> None:
@@ -58,22 +61,33 @@ def build_page(files: Sequence[str], folder: Path) -> None:
         )
 
 
-def find_panel(files: Sequence[str]) -> Callable[[Sequence[str], Path], Panel]:
-    """Return what builds the panel for files, which lie in a folder if they were dropped; it is slow to import."""
+def kind_of(files: Sequence[str]) -> Kind:
+    """Return what files hold; this imports what reads measurements, which is slow."""
     if has_beam(files):
-        from problems.look.beam import BeamPanel
-
-        return BeamPanel
+        return "beam"
     if is_film(files):
-        from problems.look.film_page import FilmPanel
-
-        return FilmPanel
+        return "film"
     from problems.look.computation import over_frequency
 
-    if over_frequency(files):
-        from problems.look.frf_page import FrfPanel
+    return "functions" if over_frequency(files) else "records"
 
-        return FrfPanel
-    from problems.look.record_page import record_panel
 
-    return record_panel
+def find_panel(files: Sequence[str]) -> Callable[[Sequence[str], Path], Panel]:
+    """Return what builds the panel for files, which lie in a folder if they were dropped; it is slow to import."""
+    match kind_of(files):
+        case "beam":
+            from problems.look.beam import BeamPanel
+
+            return BeamPanel
+        case "film":
+            from problems.look.film_page import FilmPanel
+
+            return FilmPanel
+        case "functions":
+            from problems.look.frf_page import FrfPanel
+
+            return FrfPanel
+        case "records":
+            from problems.look.record_page import record_panel
+
+            return record_panel

@@ -30,7 +30,17 @@ from problems.look.charts import (
     sparkline,
     spectrum_chart,
 )
-from problems.look.choices import STUDY_NAME, Choices, Takes, beside, change_takes, command, read_takes, study
+from problems.look.choices import (
+    STUDY_NAME,
+    Choices,
+    Takes,
+    band_text,
+    beside,
+    change_takes,
+    command,
+    read_takes,
+    study,
+)
 from problems.look.computation import DecayView, contents, fit_chosen, recording, spectrum, whole_record
 from problems.look.takes import TakesTable
 from problems.look.widgets import (
@@ -66,11 +76,7 @@ class RecordPanel(Panel):
         self._reading_changed = True
         self._view: DecayView | None = None
         self._table = TakesTable(self.show_take) if len(takes) > 1 else None
-        with ui.grid(columns="18rem minmax(0, 1fr)").classes("w-full"):
-            with ui.column():
-                self._build_choices()
-            with ui.column().classes("w-full"):
-                self._build_results()
+        self.build()
 
     @property
     def take(self) -> Choices:
@@ -196,7 +202,7 @@ class RecordPanel(Panel):
         for name, field in self._fields.by_name.items():
             if name not in ("column", "time"):  # whose options the file tells
                 field.value = getattr(choices, name)
-        self._band.text = "band: " + ("{:g} to {:g} Hz".format(*choices.band) if choices.band else "all frequencies")
+        self._band.text = band_text(choices.band)
         takes = tuple(replace(take, file=beside(take.file, self._folder)) for take in self.takes)
         self._name.text = Path(choices.file).name
         self._command.content, self._study.content = command(takes), study(takes)

@@ -20,8 +20,8 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import parse_qs
 
-from problems.look.choices import has_beam, is_film, read_takes
-from problems.look.page import build_page
+from problems.look.choices import read_takes
+from problems.look.page import build_page, kind_of
 from problems.look.worker import WORKER
 
 HOST = "127.0.0.1"
@@ -89,18 +89,17 @@ async def _wait_until_answered(port: int) -> None:
 
 
 def _compute(files: Sequence[str]) -> None:
-    """Compute what the page of files shows first."""
-    if has_beam(files) or is_film(files):
-        return
-    from problems.look.computation import fit_chosen, over_frequency  # slow to import
-
-    if over_frequency(files):
-        from problems.look.frf import FrfChoices, fit_modes, frf_poles
+    """Compute what the page of files shows first, of beams and films nothing."""
+    kind = kind_of(files)
+    if kind == "functions":
+        from problems.look.frf import FrfChoices, fit_modes, frf_poles  # these are slow to import
 
         choices = FrfChoices(tuple(files))
         frf_poles(choices)
         fit_modes(choices)
-    else:
+    elif kind == "records":
+        from problems.look.computation import fit_chosen
+
         fit_chosen(read_takes(files)[0])
 
 

@@ -1,4 +1,4 @@
-"""What the panels of the page have in common: work in the one thread, fields, notes, and charts with a brush."""
+"""Panels of the page, and the fields, notes, tables and charts that they share."""
 
 from __future__ import annotations
 
@@ -37,6 +37,20 @@ class Panel(ABC):
         if (changed := replace(self.choices, **changes)) != self.choices:
             self.choices = changed
             self.start()
+
+    def build(self) -> None:
+        """Build the column of the choices, and that of the results beside it."""
+        with ui.grid(columns="18rem minmax(0, 1fr)").classes("w-full"):
+            with ui.column():
+                self._build_choices()
+            with ui.column().classes("w-full"):
+                self._build_results()
+
+    @abstractmethod
+    def _build_choices(self) -> None: ...
+
+    @abstractmethod
+    def _build_results(self) -> None: ...
 
     @abstractmethod
     async def update(self) -> None:
@@ -97,7 +111,7 @@ class ComputingPanel(Panel):
 
     @property
     def can_act(self) -> bool:
-        """Whether the action has an effect."""
+        """True if the action has an effect."""
         return not self._works
 
     def show_progress(self) -> None:

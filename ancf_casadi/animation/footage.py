@@ -10,12 +10,15 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from ancf_casadi.exceptions import InputError
+from ancf_casadi.records.video.recording import read_pictures
+from ancf_casadi.records.video.view import View
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.inputs import array, number, physical, vector
 from ancf_casadi.support.tables import Displayed, plural, spread
@@ -74,6 +77,56 @@ class Footage(Displayed):
         object.__setattr__(self, "origin", vector(self.origin, "origin"))
         object.__setattr__(self, "rotation", number(self.rotation, "rotation"))
         self.image(0)
+
+    @classmethod
+    def from_video(
+        cls,
+        path: str | Path,
+        *,
+        ruler: Sequence[float] | None = None,
+        clamp: Sequence[float] | None = None,
+        vertical: Sequence[float] | None = None,
+        sample_rate: float | None = None,
+        begin: float = 0.0,
+        end: float = math.inf,
+        every: int = 1,
+    ) -> Footage:
+        """Return the pictures of a video file, grey, with the view and the times of ``track_video``.
+
+        Parameters
+        ----------
+        path, ruler, clamp, vertical, sample_rate, begin, end
+            As in ``track_video``; without a ruler, lengths are in px.
+        every : int
+            Number of frames from one picture to the next.
+
+        Raises
+        ------
+        InputError
+            If the file is no video or has no pictures in the interval, a value cannot be used, or
+            ``opencv-python-headless`` is not installed.
+
+        Examples
+        --------
+        >>> import cv2
+        >>> import numpy as np
+        >>> from ancf_casadi import Footage
+        >>> video = cv2.VideoWriter("grey.avi", cv2.VideoWriter_fourcc(*"MJPG"), 240.0, (160, 120), isColor=False)
+        >>> for k in range(12):
+        ...     _ = video.write(np.full((120, 160), 200, np.uint8))
+        >>> video.release()
+        >>> footage = Footage.from_video("grey.avi", ruler=(0, 60, 100, 60, 0.05), clamp=(80, 60), every=4)
+        >>> footage.time
+        array([0.        , 0.01666667, 0.03333333])
+        >>> footage.pixels((0.01, 0.0))
+        array([100.,  60.])
+        """
+        view = View.of(ruler=ruler, clamp=clamp, vertical=vertical)
+        time, pictures = read_pictures(path, sample_rate=sample_rate, begin=begin, end=end, every=every)
+        across, down = view.down(None).tolist()  # without a lens, OpenCV has nothing to do
+        _, scale = view.positions(None, np.zeros(2))
+        column, row = view.clamp or (0.0, 0.0)
+        return cls(time, pictures, float(scale), (column, row), math.atan2(across, down))
 
     def image(self, index: int) -> Array:
         """Return a picture by its number, from 0."""

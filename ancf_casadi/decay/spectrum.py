@@ -31,6 +31,8 @@ GAP = 5.0  # median steps beyond which a step is a gap
 CANDIDATE_POWER = 0.5  # power of a candidate, relative to the highest peak
 STEP_PERIODS = 6.0  # periods in a record, fewer of which may be the slow part of a step
 MIN_WINDOW_SAMPLES = 8  # that show an oscillation and the noise beside it
+MAXIMA_TRIED = 100  # of a spectrum, the highest
+PEAK_WIDTH = 1.1  # ratio of frequencies within which one peak counts: test_noise_on_the_flank_of_a_peak_is_no_peak
 
 
 def typical_step(time: Array) -> float:
@@ -68,6 +70,21 @@ def strongest_peak(time: Array, values: Array, lowest_frequency: float) -> float
             if power[peak] > best_ratio * noise:
                 best_ratio, peak_frequency = power[peak] / noise, float(frequency[peak])
     return peak_frequency
+
+
+def clear_peaks(frequency: Array, amplitude: Array, most: int) -> list[int]:
+    """Return the places of the highest peaks of an amplitude spectrum that stand out of the octaves around them."""
+    limit = gain_threshold(2 * len(amplitude), 3) / 2 / math.log(2)  # power over that of noise at the median
+    maxima = 1 + np.flatnonzero((amplitude[1:-1] > amplitude[:-2]) & (amplitude[1:-1] >= amplitude[2:]))
+    peaks: list[int] = []
+    for place in maxima[np.argsort(-amplitude[maxima])][:MAXIMA_TRIED].tolist():
+        near, around = (
+            amplitude[slice(*np.searchsorted(frequency, [frequency[place] / ratio, frequency[place] * ratio]))]
+            for ratio in (PEAK_WIDTH, 2.0)
+        )
+        if amplitude[place] == near.max() and amplitude[place] ** 2 > limit * np.median(around) ** 2:
+            peaks.append(place)
+    return peaks[:most]
 
 
 def oscillating_power(time: Array, values: Array, lowest_frequency: float) -> float:

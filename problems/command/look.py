@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 
 from ancf_casadi.support.files import open_file
-from ancf_casadi.support.optional import find_module, library
+from ancf_casadi.support.optional import find_module
 from problems.command.output import Output
 
 
@@ -29,7 +29,7 @@ def run_look(options: argparse.Namespace) -> Output:
     for take in [] if has_beam(options.files) else read_takes(options.files):
         with open_file(take.file):
             pass
-    library("nicegui", "shows the page")
+    find_module("nicegui", "shows the page")
     find_module("tomlkit", "changes the study of a beam")
     from problems.look.server import serve
 

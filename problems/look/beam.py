@@ -10,7 +10,7 @@ import math
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from nicegui import events, ui
+from nicegui import app, events, ui
 
 from ancf_casadi.estimation.solver.unknown import Unknown
 from ancf_casadi.exceptions import AncfError
@@ -21,6 +21,7 @@ from problems.look.beam_computation import (
     computed_motion,
     fit_study,
     has_records,
+    write_document,
 )
 from problems.look.charts import Options
 from problems.look.editing import EditedStudy, Place
@@ -38,7 +39,7 @@ class BeamPanel(ComputingPanel):
 
     def __init__(self, files: Sequence[str], folder: Path) -> None:
         super().__init__()
-        self.study = EditedStudy.of(files[0])
+        self.study, self._folder = EditedStudy.of(files[0]), folder
         self._mode = 1
         self._charts: Sequence[Options] = ()  # of the modes
         self._sliders: dict[tuple[str, Place], Callable[[Unknown], None]] = {}  # each shows a guess
@@ -81,22 +82,24 @@ class BeamPanel(ComputingPanel):
         self._motion_error = ui.label().classes("text-negative").mark("motion-error")
         self._motion_title = ui.label().classes("text-subtitle1").mark("motion-title")
         self._unknowns = ui.grid(columns="repeat(auto-fill, minmax(18rem, 1fr))").classes("w-full")
-        self.build_progress("fit", self._fit)
+        self.build_progress(self.fit, self.run_all_steps)
         self._values = ui.label().classes("text-subtitle1").mark("values")
         self._motion = ui.column().classes("w-full").mark("motion")
         self._notes = ui.column().classes("w-full gap-1").mark("notes")
         self._report = report_label().mark("report")
 
     def _build_study(self) -> None:
-        ui.label("The study that does the same").classes("text-subtitle2")
-        self._text = ui.code("", language="toml").classes("w-full").mark("study")
+        ui.label("The study that does the same, which can be changed here, too").classes("text-subtitle2")
+        self._text = ui.textarea().classes("w-full").props("autogrow outlined input-class=font-mono").mark("study")
+        self._text.on("change", lambda: self.change(lambda study: study.with_text(self._text.value)))
         name = Path(self.study.file.path).name
         ui.button("save the study", on_click=lambda: ui.download.content(self.study.text, name))
+        self._document = ui.column().classes("w-full")
 
     async def update(self) -> None:
         """Show the study, the beam at rest, and its motion."""
         study = self.study
-        self._text.content = study.text
+        self._text.value = study.text
         self._form.show(study)
         try:
             if (at_rest := await self.compute(beam_at_rest, study)) is None:
@@ -134,14 +137,27 @@ class BeamPanel(ComputingPanel):
                     ui.echart(chart).classes("w-full h-60")
         return motion
 
-    async def _fit(self) -> None:
+    async def fit(self) -> None:
         """Fit the study that is shown."""
         await self._show_motion(fit_study, self.study, "fit")
 
-    @property
-    def can_act(self) -> bool:
-        """True if the study has measurements, and nothing is being computed."""
-        return super().can_act and has_records(self.study)
+    async def run_all_steps(self) -> None:
+        """Run all steps of the study that is shown, such as predictions and a plan, and show their document."""
+        self._motion_error.text = ""
+        try:
+            document = await self.compute(write_document, self.study, self._folder, title="run")
+        except AncfError as error:
+            self._motion_error.text, document = str(error), None
+        if document is not None and not self._document.is_deleted:
+            self._document.clear()
+            with self._document:
+                frame = ui.element("iframe").classes("w-full bg-white").style("height: 60rem").mark("document")
+                frame.props["src"] = app.add_static_file(local_file=document)
+                ui.button("save the document", on_click=lambda: ui.download.file(document))
+
+    def can_act(self, name: str) -> bool:
+        """Return whether nothing is being computed, and for a fit, whether the study has measurements."""
+        return super().can_act(name) and (name != "fit" or has_records(self.study))
 
     def _show_beam(self, at_rest: BeamAtRest) -> None:
         self._charts, self._drawing.content = at_rest.charts, at_rest.drawing

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import msgspec
@@ -26,7 +27,9 @@ from problems.spec.motion import SimulationTables, start_shape
 from problems.spec.records import NUMBERS, Measurements
 from problems.study.drawing import render
 from problems.study.formatting import shown
+from problems.study.reading import read_study
 from problems.study.results import inline_svg
+from problems.study.study import PAGE, write_study
 
 MODES = 6  # that the page shows
 MEASURED_TABLES = {"records", *NUMBERS}
@@ -109,6 +112,14 @@ def fit_study(study: EditedStudy) -> MotionView:
     values = [f"{name} {shown(value, errors[name])} {units[name]}".rstrip() for name, value in fit.estimates.items()]
     title, notes = "The record and its fit", fit.warnings
     return MotionView(title, _charts(fit.channels), (), ", ".join(values), fit.report(), notes)
+
+
+def write_document(study: EditedStudy, folder: Path) -> Path:
+    """Run all steps of a study, as ``run`` does, and write their results to a folder; return the document."""
+    results, command = folder / "results", f"ancf-casadi run {Path(study.file.path).name}"
+    whole = read_study(study.file)
+    write_study(whole, results, quick=False, executor=None, jobs=1, progress=False, command=command)
+    return results / PAGE
 
 
 def _charts(channels: Sequence[PredictedChannel]) -> list[Options]:

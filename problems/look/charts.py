@@ -6,10 +6,13 @@ looks the same.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ancf_casadi.decay.envelope import LawCurve
+from ancf_casadi.decay.spectrum import clear_peaks
 from ancf_casadi.support.arrays import Array
 from problems.study.formatting import shown
 
@@ -17,8 +20,10 @@ if TYPE_CHECKING:
     from problems.look.computation import DecayView  # slow to import
 
 BINS = 1500  # pixels of a wide screen
+PEAKS, HARMONICS = 6, 3  # of a spectrum that are marked
 SPARKLINE = (160, 28)  # pixels
-RECORD, FIT, BAND = "#5470c6", "#d9480f", "rgba(217, 72, 15, 0.18)"
+RECORD, FIT, BAND = "#5470c6", "#d9480f", 0.18  # colours, and the opacity of a band
+OTHER_LAWS = ("#2f9e44", "#1971c2", "#9c36b5", "#e8590c", "#0c8599", "#846358")  # colours
 PART = "rgba(136, 136, 136, 0.12)"  # of the record that was fitted
 TEXT, LINES = "#888", "rgba(136, 136, 136, 0.25)"  # on light and on dark pages
 LEGEND = {"legend": {"top": 0, "right": 20, "textStyle": {"color": TEXT}}}
@@ -60,37 +65,54 @@ def residual_chart(view: DecayView) -> Options:
 
 
 def spectrum_chart(frequencies: Array, amplitudes: Array) -> Options:
-    """Return the chart of a spectrum, with a brush over the frequencies."""
+    """Return the chart of a spectrum, with a brush over the frequencies, and the frequencies of its peaks."""
     floor = 1e-6 * amplitudes.max(initial=1e-12)
     data = thin(frequencies[1:], np.maximum(amplitudes[1:], floor))
-    options = line_chart("frequency, Hz", "amplitude", [line("spectrum", data, RECORD)])
-    options["yAxis"]["type"] = "log"
+    peaks = clear_peaks(frequencies, amplitudes, PEAKS)
+    label = {"show": True, "position": "top", "rotate": 40, "align": "left", "color": TEXT, "fontSize": 10}
+    label |= {":formatter": "point => Number(point.data[0].toPrecision(4))"}
+    named = dots("peaks", np.column_stack([frequencies, amplitudes])[peaks].tolist(), FIT)
+    series = [line("spectrum", data, RECORD), named | {"silent": True, "label": label}]
+    options = line_chart("frequency, Hz", "amplitude", series)
+    options["xAxis"]["type"] = options["yAxis"]["type"] = "log"
     return options | BRUSHED
 
 
-def amplitude_chart(view: DecayView, quantity: str) -> Options:
-    """Return the chart of ``damping_ratio`` or ``frequency`` against amplitude: law with its band, and windows.
+def show_harmonics(chart: Options, frequency: float) -> None:
+    """Draw lines at the frequency of a fit and at its harmonics into the chart of the spectrum."""
+    names = {frequency: "f"} | {order * frequency: f"{order} f" for order in range(2, HARMONICS + 1)}
+    lines = [{"xAxis": place, "label": {"formatter": name, "color": TEXT}} for place, name in names.items()]
+    style = {"color": FIT, "type": "dotted"}
+    chart["series"][0]["markLine"] = {"symbol": "none", "silent": True, "lineStyle": style, "data": lines}
+
+
+def amplitude_chart(view: DecayView, quantity: str, laws: Sequence[str] = ()) -> Options:
+    """Return the chart of ``damping_ratio`` or ``frequency`` against amplitude: windows, law with its band, and others.
 
     The third entry of each point of the law is what the page says at the cursor.
     """
     scale, label = (100.0, "damping ratio, %") if quantity == "damping_ratio" else (1.0, "frequency, Hz")
-    curve, unit = view.curve, view.curve.unit
-    values, band = scale * getattr(curve, quantity), scale * getattr(curve, f"{quantity}_band")
-    texts = [at_amplitude(view, k) for k in range(len(curve.amplitude))]
-    law = [list(point) for point in zip(curve.amplitude.tolist(), values.tolist(), texts, strict=True)]
-    low, height = band[:, 0], band[:, 1] - band[:, 0]
-    shared = {"type": "line", "stack": "band", "lineStyle": {"opacity": 0}, "silent": True, "color": FIT}
-    series: list[Options] = [
-        shared | {"data": np.column_stack([curve.amplitude, low]).tolist()},
-        shared | {"data": np.column_stack([curve.amplitude, height]).tolist(), "areaStyle": {"color": BAND}},
-        line("law", law, FIT, 2),
-    ]
+    series = [drawn for name, colour in zip(view.laws, OTHER_LAWS, strict=False) if name in laws
+              for drawn in _curve(name, view.laws[name], quantity, scale, colour)]  # fmt: skip
+    *band, law = _curve("law", view.curve, quantity, scale, FIT)
+    for k, point in enumerate(law["data"]):
+        point.append(at_amplitude(view, k))
+    series += [*band, law | {"lineStyle": {"width": 2}}]
     if view.windows is not None:
         points = np.column_stack([view.windows.amplitude, scale * getattr(view.windows, quantity)])
         series.append(dots("windows", points.tolist(), RECORD))
-    options = line_chart(f"amplitude, {unit}".rstrip(", "), label, series)
+    options = line_chart(f"amplitude, {view.curve.unit}".rstrip(", "), label, series)
     formatter = "points => (points.find(point => point.seriesName == 'law') || {data: []}).data[2]"
     return options | {"tooltip": {"trigger": "axis", ":formatter": formatter}}
+
+
+def _curve(name: str, curve: LawCurve, quantity: str, scale: float, colour: str) -> tuple[Options, Options, Options]:
+    """Return the lower end of the band of a law, its height upon that, and the law."""
+    low, high = scale * getattr(curve, f"{quantity}_band").T
+    values = low, high - low, scale * getattr(curve, quantity)
+    lower, height, law = (line(name, np.column_stack([curve.amplitude, z]).tolist(), colour) for z in values)
+    hidden: Options = {"stack": name, "lineStyle": {"opacity": 0}, "silent": True}
+    return lower | hidden | {"name": ""}, height | hidden | {"name": "", "areaStyle": {"opacity": BAND}}, law
 
 
 def at_amplitude(view: DecayView, k: int) -> str:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -31,6 +31,7 @@ from problems.look.choices import Choices, Takes
 
 MOST_TAKES = 32  # whose fits are kept
 AMPLITUDES = 60  # at which the page shows frequency and damping ratio
+LEAST_SHOWN = 0.0005  # probability of a law; the report has all
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,7 +42,7 @@ class DecayView:
     report: str
     curve: LawCurve  # frequency and damping ratio against amplitude, with bands
     windows: DampingCurve | None  # the same without a law; None if the record is too short
-    probabilities: dict[str, float]  # of the laws that were compared, by name; empty for one law
+    laws: Mapping[str, LawCurve]  # the same under each of several laws, by name and probability
 
 
 @lru_cache(8)
@@ -92,18 +93,24 @@ def chosen_part(choices: Choices) -> tuple[Measurement, float | None]:
 def fit_chosen(choices: Choices) -> DecayView:
     """Fit the chosen part of the record as ``fit-decay`` does."""
     (record, release_time), laws = chosen_part(choices), _laws(choices)
-    probabilities: dict[str, float] = {}
+    candidates: Sequence[tuple[tuple[str, float], DecayFit]] = ()
     result: DecayFit | LawComparison[DecayFit]
     if "auto" in laws.values():
         if choices.robust:
             raise InputError("compares sums of squares, which outliers decide; choose a law", "auto")
         result = compare_decay_laws(record, release_time=release_time, **comparison_arguments(**laws))  # type: ignore[arg-type]
-        fit, probabilities = result.best, result.probabilities
+        pairs = zip(result.probabilities.items(), result.fits, strict=True)
+        fit, candidates = result.best, sorted(pairs, key=lambda pair: -pair[0][1])
     else:
         settings = {name: law or "constant" for name, law in laws.items()}
         result = fit = fit_decay(record, release_time=release_time, robust=choices.robust, **settings)  # type: ignore[call-overload]
     amplitudes = np.geomspace(*fit.amplitude_range, AMPLITUDES)
-    return DecayView(fit, result.report(), law_curve(result, amplitudes), measured_curve(fit), probabilities)
+    curves = {
+        f"{name} {100 * probability:.1f} %": law_curve(candidate, amplitudes)
+        for (name, probability), candidate in candidates
+        if probability >= LEAST_SHOWN
+    }
+    return DecayView(fit, result.report(), law_curve(result, amplitudes), measured_curve(fit), curves)
 
 
 @lru_cache(1)

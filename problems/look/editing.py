@@ -36,7 +36,7 @@ class EditedStudy:
         law, laws = document["damping"], tomlkit.aot()
         laws.append(law if isinstance(law, Table) else law.unwrap())
         document["damping"] = laws
-        return study._with_text(document.as_string())
+        return study.with_text(document.as_string())
 
     def value(self, place: Place) -> Any:
         """Return a value; None if there is none."""
@@ -59,7 +59,7 @@ class EditedStudy:
             del container[last]
         if document[place[0]] == []:
             del document[place[0]]
-        return self._with_text(document.as_string())
+        return self.with_text(document.as_string())
 
     def scaled(self, place: Place, factor: float) -> EditedStudy:
         """Return the study with a number, or all numbers of a list, times a factor, in six digits."""
@@ -67,8 +67,12 @@ class EditedStudy:
         numbers = [float(f"{factor * item:.6g}") for item in (value if isinstance(value, list) else [value])]
         return self.with_value(place, numbers if isinstance(value, list) else numbers[0])
 
-    def _with_text(self, text: str) -> EditedStudy:
-        return EditedStudy(replace(self.file, tables=tomllib.loads(text)), text)
+    def with_text(self, text: str) -> EditedStudy:
+        """Return the study of another text."""
+        try:
+            return EditedStudy(replace(self.file, tables=tomllib.loads(text)), text)
+        except ValueError as error:
+            raise InputError(f"is not TOML ({error})", self.file.path) from None
 
 
 def value_at(tables: Any, place: Place) -> Any:

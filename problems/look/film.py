@@ -11,12 +11,18 @@ from pathlib import Path
 from tempfile import mkdtemp
 from typing import Any
 
+import numpy as np
+
+from ancf_casadi.animation.footage import Footage
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.records.channel import widest
 from ancf_casadi.records.video.recording import first_picture, marker_table, track_video
+from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.files import write_file
 from problems.look.choices import Choices, CommandOptions, option_words
+from problems.look.computation import fit_chosen, recording
 
+MOST_PICTURES = 120  # over which motion is shown
 TRACKS_NAME = "markers.csv"
 POINTS = {"marker": 1, "clamp": 1, "ruler": 2, "vertical": 2}  # that the user clicks, and how many clicks each takes
 FIRST_PICTURE = {"markers", "radius", "clamp", "sample_rate", "begin"}  # options that change it
@@ -70,6 +76,32 @@ def _picture(choices: FilmChoices) -> tuple[bytes, str]:
         return first_picture(choices.file, **choices.options()), ""
     except InputError as error:
         return first_picture(choices.file, **choices.options(), numbered=False), str(error)
+
+
+@dataclass(frozen=True, eq=False)
+class MotionOverFilm:
+    """Pictures of a film, and where they show the markers as tracked, and one of them as computed."""
+
+    footage: Footage
+    time: Array  # s
+    tracked: Array  # (pictures, markers, 2), px
+    computed: Array  # (pictures, 2), px; nan beyond the fit
+
+
+def motion_over_film(film: FilmChoices, tracks: Choices) -> MotionOverFilm:
+    """Return the pictures of a film with the tracks of its markers, and the fit of one of their coordinates."""
+    track = recording(tracks)
+    every = -(-len(track.time) // MOST_PICTURES)
+    settings = {name: value for name, value in film.settings().items() if name not in ("markers", "radius")}
+    footage = Footage.from_video(film.file, **settings, every=every)
+    time = np.asarray(footage.time)
+    channels = [channel for channel in track.channels if not channel.name.startswith("std")]
+    positions = np.column_stack([channel.values for channel in channels])[::every].reshape(len(time), -1, 2)
+    fit, chosen = fit_chosen(tracks).fit, [channel.name for channel in channels].index(str(tracks.column))
+    computed = positions[:, chosen // 2].copy()
+    inside = (time >= fit.time[0]) & (time <= fit.time[-1])
+    computed[:, chosen % 2] = np.where(inside, fit.displacement(time), np.nan)
+    return MotionOverFilm(footage, time, footage.pixels(positions), footage.pixels(computed))
 
 
 def track_film(choices: FilmChoices, folder: Path) -> tuple[Choices, Sequence[str]]:

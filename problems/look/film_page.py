@@ -3,15 +3,26 @@
 from __future__ import annotations
 
 import base64
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
 from nicegui import events, ui
+from PIL import Image
 
 from ancf_casadi.exceptions import AncfError
+from problems.look.charts import FIT, RECORD
 from problems.look.choices import beside
-from problems.look.film import POINTS, FilmChoices, Point, film_picture, track_film
+from problems.look.film import (
+    POINTS,
+    FilmChoices,
+    MotionOverFilm,
+    Point,
+    film_picture,
+    motion_over_film,
+    track_film,
+)
 from problems.look.record_page import RecordPanel
 from problems.look.widgets import ComputingPanel, Fields, show_notes
 from problems.look.worker import work
@@ -25,6 +36,7 @@ class FilmPanel(ComputingPanel):
     def __init__(self, files: Sequence[str], folder: Path) -> None:
         super().__init__()
         self.choices, self._folder = FilmChoices(files[0]), folder
+        self._decay: RecordPanel | None = None  # of the tracks
         self._points: list[Point] = []  # that were clicked of one with two
         self._fields = Fields(self.choose)
         self.build()
@@ -49,7 +61,8 @@ class FilmPanel(ComputingPanel):
         self._error = ui.label().classes("text-negative").mark("film-error")
         self._picture = ui.interactive_image(on_mouse=self._click, events=["click"], cross="#d9480f", sanitize=False)
         self._picture.classes("max-w-full").mark("picture")
-        self.build_progress("track", self._track)
+        self.build_progress(self.track, self.show_motion_over_film)
+        self._over_film = ui.column().classes("w-full")
         self._notes = ui.column().classes("w-full gap-1").mark("film-notes")
         ui.label("The command that tracks the same").classes("text-subtitle2")
         self._command = ui.code("", language="bash").classes("w-full").mark("track-command")
@@ -96,7 +109,7 @@ class FilmPanel(ComputingPanel):
                 shapes.append(f'<polyline points="{ends}" stroke="{colour}" stroke-width="2" />')
         self._picture.content = "".join(shapes)
 
-    async def _track(self) -> None:
+    async def track(self) -> None:
         """Track the markers, and show their motion."""
         self._error.text = ""
         try:
@@ -107,12 +120,50 @@ class FilmPanel(ComputingPanel):
             tracks, notes = tracked
             show_notes(self._notes, notes)
             self._tracks.clear()
+            self._over_film.clear()
             with self._tracks:
                 ui.button("save the positions", on_click=lambda: ui.download.file(tracks.file))
-                RecordPanel((tracks,), Path(tracks.file).parent).start()
+                self._decay = RecordPanel((tracks,), Path(tracks.file).parent)
+            self._decay.start()
+
+    async def show_motion_over_film(self) -> None:
+        """Show tracks and computed motion over the film, at any time."""
+        self._error.text = ""
+        assert self._decay is not None  # can_act
+        try:
+            motion = await self.compute(motion_over_film, self.choices, self._decay.take, title="film")
+        except AncfError as error:
+            self._error.text, motion = str(error), None
+        if motion is not None:
+            self._over_film.clear()
+            with self._over_film:
+                _show_over_film(motion)
+
+    def can_act(self, name: str) -> bool:
+        """Return whether nothing is being computed, and for motion over the film, whether it was tracked."""
+        return super().can_act(name) and (name == "track" or self._decay is not None)
 
 
-def _dot(point: Point, colour: str) -> str:
-    """Return a point of the picture as SVG, which counts from the corner of the first pixel."""
+def _show_over_film(motion: MotionOverFilm) -> None:
+    """Build a picture of the film, and a slider for its time."""
+
+    def show(k: int) -> None:
+        picture.set_source(Image.fromarray(motion.footage.image(k)))
+        dots = [_dot(point, RECORD) for point in motion.tracked[k].tolist()] + [
+            _dot(motion.computed[k].tolist(), FIT, 9)
+        ]
+        picture.content = "".join(dots)
+        label.text = f"{motion.time[k]:.4g} s: markers as tracked (blue), and as computed (red)"
+
+    label = ui.label()
+    slider = ui.slider(min=0, max=len(motion.tracked) - 1, value=0, on_change=lambda event: show(event.value))
+    slider.classes("w-full").mark("film-time")
+    picture = ui.interactive_image(sanitize=False).classes("max-w-full").mark("over-film")
+    show(0)
+
+
+def _dot(point: Sequence[float], colour: str, radius: float = 5.0) -> str:
+    """Return a point of the picture as SVG, which counts from the corner of the first pixel; none if it is nan."""
     x, y = point
-    return f'<circle cx="{x + 0.5}" cy="{y + 0.5}" r="5" fill="none" stroke="{colour}" stroke-width="2" />'
+    dot = f'<circle cx="{x + 0.5}" cy="{y + 0.5}" r="{radius}" fill="none" stroke="{colour}" stroke-width="2" />'
+    return dot if math.isfinite(x + y) else ""

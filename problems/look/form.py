@@ -1,4 +1,4 @@
-"""A form for the tables of a beam and its damping, made from their declarations.
+"""A form for the tables of a beam, its damping, its motion and its fit, made from their declarations.
 
 Each key has a field with its unit, range and default; a list of supports, of laws and the like has a box for each, with
 the keys of its kind.  A change of a field changes the value at its place in the study.
@@ -19,22 +19,29 @@ from ancf_casadi.mechanics.spec import BeamSpec
 from ancf_casadi.support.specs import alternatives, listed_fields, value_place
 from problems.look.editing import EditedStudy, Place, parse_value, toml_value, value_at
 from problems.spec.beam import DocumentName
+from problems.spec.motion import BASE_KINDS, LOAD_KINDS, Kinds, ReleaseSpec, SimulationSpec, table_kind
+from problems.spec.records import FitSpec
 
 Change = Callable[[EditedStudy], EditedStudy]
+TABLES: Mapping[str, Kinds] = {
+    "beam": {"": (BeamSpec,), "document": (DocumentName,)},
+    "base": BASE_KINDS, "load": LOAD_KINDS, "release": {"": (ReleaseSpec,)}, "simulation": {"": (SimulationSpec,)},
+    "fit": {"": (FitSpec,)},
+}  # fmt: skip
 TAG_FIELDS = ("kind", "law")  # of supports, attachments and sections, and of damping laws
 LIMITS = {"gt": "above", "ge": "at least", "lt": "below", "le": "at most"}
 ENDLESS = 1e30  # a limit that no value reaches
 
 
 class Form:
-    """Fields for the keys of [beam] and [[damping]]; ``choose`` gets the change of the study that the user wants."""
+    """Fields for the keys of these tables; ``choose`` gets the change of the study that the user wants."""
 
     def __init__(self, study: EditedStudy, choose: Callable[[Change], None]) -> None:
         self._study, self._choose = study, choose
         self._fields: dict[Place, Any] = {}
         self._unread: set[Place] = set()  # fields with texts that are no values
         self._defaults: dict[Place, Any] = {}  # of lists of boxes
-        self._boxes: dict[Place, list[Any]] = {}  # kinds of the boxes of each list
+        self._boxes: dict[Place, list[Any]] = {}  # what each table and each list of boxes was built for
         self._last: Place = ()  # that was changed
         self._column = ui.column().classes("w-full gap-1")
         self._build()
@@ -69,8 +76,10 @@ class Form:
         return self._study.value(place)
 
     def _kinds(self, place: Place) -> list[Any]:
-        """Return the kinds of the boxes of a list."""
+        """Return the declarations of a table, or the kinds of the boxes of a list."""
         items = self._value(place)
+        if len(place) == 1 and (kinds := TABLES.get(str(place[0]))):
+            return [*table_kind(kinds, items)]
         return [_tag(item) for item in items] if isinstance(items, list) else []
 
     def _set(self, place: Place, value: Any) -> None:
@@ -88,13 +97,17 @@ class Form:
         for places in (self._fields, self._unread, self._defaults, self._boxes):
             places.clear()
         self._column.clear()
-        beam = self._study.value(("beam",))
         with self._column:
-            self._build_table(("beam",), DocumentName if isinstance(beam, dict) and "document" in beam else BeamSpec)
+            for name in TABLES:
+                place = (name,)
+                self._boxes[place] = self._kinds(place)
+                with ui.expansion(f"[{name}]", value=name == "beam").classes("w-full").props("dense"):
+                    self._build_table(place, *self._boxes[place])
+            ui.label("[[damping]]")
             self._build_boxes(("damping",), _tagged(types.multi_type_info([LawSpec])[0]), [])
 
-    def _build_table(self, place: Place, declared: type) -> None:
-        for field in listed_fields(declared):
+    def _build_table(self, place: Place, *declared: type) -> None:
+        for field in (field for kind in declared for field in listed_fields(kind)):
             key: Place = (*place, field.encode_name)
             kinds = [kind for kind in alternatives(field.type) if not isinstance(kind, types.NoneType)]
             boxes = _tagged(kinds[0].item_type) if isinstance(kinds[0], types.VarTupleType) else {}

@@ -10,7 +10,7 @@ from typing import Literal
 from nicegui import events, ui
 
 from ancf_casadi.exceptions import AncfError
-from problems.look.choices import has_beam, is_film
+from problems.look.choices import has_beam, is_film, read_takes
 from problems.look.widgets import Panel
 from problems.look.worker import work
 
@@ -59,6 +59,21 @@ def build_page(files: Sequence[str], folder: Path) -> None:
             "Drop a record of a free decay, several takes of it, frequency response functions, a film, or a study; "
             "or choose files with +."
         )
+
+
+def compute_first(files: Sequence[str]) -> None:
+    """Compute what the page of files shows first, of beams and films nothing."""
+    kind = kind_of(files)
+    if kind == "functions":
+        from problems.look.frf import FrfChoices, fit_modes, frf_poles  # these are slow to import
+
+        choices = FrfChoices(tuple(files))
+        frf_poles(choices)
+        fit_modes(choices)
+    elif kind == "records":
+        from problems.look.computation import fit_chosen
+
+        fit_chosen(read_takes(files)[0])
 
 
 def kind_of(files: Sequence[str]) -> Kind:

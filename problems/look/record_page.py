@@ -22,11 +22,13 @@ from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.records.sensor import Quantity
 from problems.decay.laws import Law
 from problems.look.charts import (
+    OTHER_LAWS,
     amplitude_chart,
     forget_fit,
     record_chart,
     residual_chart,
     show_fit,
+    show_harmonics,
     sparkline,
     spectrum_chart,
 )
@@ -47,7 +49,8 @@ from problems.look.widgets import (
     Fields,
     Panel,
     brushed_chart,
-    on_double_click,
+    choose_in,
+    place_handle,
     redraw,
     report_label,
     set_options,
@@ -58,8 +61,7 @@ from problems.look.worker import work
 from problems.study.formatting import shown
 
 LAWS_OF = {"law": Law, "frequency_law": FrequencyLaw, "rest": Rest}
-PART_HINTS = {"begin": "or brush over the record", "end": "", "release_time": "or double-click on it in the record"}
-LEAST_SHOWN = 0.0005  # probability of a law; the report has all
+PART_HINTS = {"begin": "or brush over the record", "end": "", "release_time": "or drag its line, or double-click"}
 SHOWS_RECORD = {"time", "time_unit", "sample_rate", "column", "unit", "sensor"}  # options that show another record
 
 
@@ -133,7 +135,6 @@ class RecordPanel(Panel):
         with ui.row(align_items="center"):
             self._summary = ui.label().classes("text-subtitle1").mark("summary")
             self._busy = ui.spinner()
-        self._probabilities = ui.label().classes("empty:hidden").mark("probabilities")
         self._fit_error = ui.label().classes("text-negative empty:hidden").mark("fit-error")
         self._lines = ui.row().classes("empty:hidden").mark("lines")
         with ui.column().classes("w-full") as self._results:
@@ -148,11 +149,12 @@ class RecordPanel(Panel):
 
     def _build_charts(self) -> None:
         self._record_chart = brushed_chart(lambda low, high: self.choose(begin=low, end=high), "h-64")
-        on_double_click(self._record_chart, lambda time: self.choose(release_time=time))
+        choose_in(self._record_chart, lambda time: self.choose(release_time=time))
         with ui.grid(columns="minmax(0, 1fr) minmax(0, 1fr)").classes("w-full"):
             self._residual_chart = ui.echart({}).classes("w-full h-56")
             self._spectrum_chart = brushed_chart(lambda low, high: self.choose(band=(max(low, 0.0), high)), "h-56")
             self._curves = {name: ui.echart({}).classes("w-full h-56") for name in ("damping_ratio", "frequency")}
+        self._laws = ui.row(align_items="center").classes("empty:hidden").mark("laws")
         self._notes = ui.column().classes("w-full gap-1").mark("notes")
         self._report = report_label().mark("report")
 
@@ -185,6 +187,7 @@ class RecordPanel(Panel):
             self._forget_fit(str(error))
             forget_fit(self._record_chart.options)
             redraw(self._record_chart)
+            place_handle(self._record_chart, None)
             return
         self._fit_error.text = ""
         self._show_fit(view)
@@ -192,8 +195,9 @@ class RecordPanel(Panel):
     def _forget_fit(self, reason: str) -> None:
         """Say why there is no fit, and show none."""
         self._view, self._fit_error.text = None, reason
-        self._summary.text = self._report.text = self._release.text = self._probabilities.text = ""
+        self._summary.text = self._report.text = self._release.text = ""
         self._notes.clear()
+        self._laws.clear()
         for chart in (self._residual_chart, *self._curves.values()):
             set_options(chart, {})
 
@@ -237,15 +241,25 @@ class RecordPanel(Panel):
         self._summary.text = ", ".join(values)
         show_fit(self._record_chart.options, view)
         redraw(self._record_chart)
+        place_handle(self._record_chart, fit.release_time)
         set_options(self._residual_chart, residual_chart(view))
-        for quantity, chart in self._curves.items():
-            set_options(chart, amplitude_chart(view, quantity))
+        show_harmonics(self._spectrum_chart.options, fit.frequency)
+        redraw(self._spectrum_chart)
         self._report.text = view.report
         self._release.text = f"release at {fit.release_time:.6g} s: {fit.release_reason}"
         show_notes(self._notes, fit.warnings)
-        ranking = sorted(view.probabilities.items(), key=lambda pair: -pair[1])
-        words = [f"{law} {100 * probability:.1f} %" for law, probability in ranking if probability >= LEAST_SHOWN]
-        self._probabilities.text = f"Probabilities of the laws: {', '.join(words)}" if words else ""
+        self._laws.clear()
+        with self._laws:
+            for name, colour in zip(view.laws, OTHER_LAWS, strict=False):
+                ui.checkbox(name, value=True, on_change=self._draw_curves).style(f"color: {colour}")
+        self._draw_curves()
+
+    def _draw_curves(self) -> None:
+        """Draw frequency and damping ratio against amplitude, also under each law that is checked."""
+        if self._view is not None:
+            checked = [box.text for box in self._laws if isinstance(box, ui.checkbox) and box.value]
+            for quantity, chart in self._curves.items():
+                set_options(chart, amplitude_chart(self._view, quantity, checked))
 
     def _save_report(self) -> None:
         reports = [self._table.report if self._table else "", self._report.text]

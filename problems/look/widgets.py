@@ -17,6 +17,23 @@ from problems.look.worker import Work, work
 T = TypeVar("T")
 
 POLLING = 0.2  # s between two looks at the progress
+HANDLE = """setTimeout(() => {
+    const element = getElement(%d), value = %s, chart = element.chart, axis = {xAxisIndex: 0}, width = 9;
+    let at = null;
+    chart.off('finished', chart.placeHandle);
+    chart.placeHandle = () => {
+        const x = value === null ? NaN : chart.convertToPixel(axis, value) - width / 2;
+        if (Object.is(x, at)) return;
+        at = x;
+        const {y, height} = chart.getModel().getComponent('grid').coordinateSystem.getRect();
+        chart.setOption({graphic: {
+            id: 'handle', type: 'rect', x, y, shape: {width, height}, style: {fill: 'rgba(217, 72, 15, 0.25)'},
+            draggable: 'horizontal', cursor: 'ew-resize', z: 100, ignore: isNaN(x),
+            ondragend() { element.$emit('drag', chart.convertFromPixel(axis, this.x + width / 2)); }}});
+    };
+    chart.on('finished', chart.placeHandle);
+    chart.placeHandle();
+}, 100)"""  # a new size of the chart moves the handle
 BRUSHING = "{type: 'takeGlobalCursor', key: 'brush', brushOption: {brushType: 'lineX', brushMode: 'single'}}"
 
 
@@ -84,10 +101,12 @@ class ComputingPanel(Panel):
         self._works: list[Work] = []  # that the thread of all computations has yet to finish
         ui.context.client.on_disconnect(self.stop)
 
-    def build_progress(self, title: str, action: Callable[[], Any]) -> None:
-        """Build the button of an action that takes long, one that stops it, and its progress."""
+    def build_progress(self, *actions: Callable[[], Any]) -> None:
+        """Build the buttons of actions that take long, of which each has its name, one that stops, and the progress."""
         with ui.row(align_items="center"):
-            self._action = ui.button(title, on_click=action)
+            self._actions = {
+                action.__name__: ui.button(action.__name__.replace("_", " "), on_click=action) for action in actions
+            }
             self._stop = ui.button("stop", on_click=self.stop).props("outline")
             self._busy = ui.spinner()
             self._progress = ui.label().mark("progress")
@@ -109,9 +128,8 @@ class ComputingPanel(Panel):
         for computation in self._works:
             computation.stop.set()
 
-    @property
-    def can_act(self) -> bool:
-        """True if the action has an effect."""
+    def can_act(self, name: str) -> bool:
+        """Return whether an action has an effect."""
         return not self._works
 
     def show_progress(self) -> None:
@@ -119,7 +137,8 @@ class ComputingPanel(Panel):
         latest = self._works[-1] if self._works else None
         self._progress.text = latest.progress() if latest and latest.title else ""
         self._stop.set_visibility(latest is not None)
-        self._action.set_visibility(self.can_act)
+        for name, button in self._actions.items():
+            button.set_visibility(self.can_act(name))
 
 
 class Fields:
@@ -194,10 +213,16 @@ def brushed_chart(choose_interval: Callable[[float, float], None], size: str) ->
     return chart.on("chart:brushEnd", end_brush, ["areas"])
 
 
-def on_double_click(chart: ui.echart, choose_value: Callable[[float], None]) -> None:
-    """Let a double click in a chart choose a value of its horizontal axis."""
+def choose_in(chart: ui.echart, choose_value: Callable[[float], None]) -> None:
+    """Let a double click in a chart, or the handle of its line, choose a value of the horizontal axis."""
     script = f"event => emit(getElement({chart.id}).chart.convertFromPixel({{xAxisIndex: 0}}, event.offsetX))"
     chart.on("dblclick", lambda event: choose_value(float(f"{event.args:.{DIGITS}g}")), js_handler=script)
+    chart.on("drag", lambda event: choose_value(float(f"{event.args:.{DIGITS}g}")))
+
+
+def place_handle(chart: ui.echart, value: float | None) -> None:
+    """Place a handle, which can be dragged, on a value of the horizontal axis of a chart, or take it away."""
+    chart.client.run_javascript(HANDLE % (chart.id, "null" if value is None else value))
 
 
 def set_options(chart: ui.echart, options: dict[str, Any]) -> None:

@@ -115,9 +115,15 @@ class SimulationSpec(Spec, frozen=True):
     start: Start | UnsetType = UNSET
 
 
-# alternatives of the keys of a table
-BASE_KINDS = [(HarmonicBase,), (SweepBase,), (FixedBase,), (BaseColumns, FileSpec)]
-LOAD_KINDS = [(HarmonicLoad,), (MovingForce,), (LoadValues,), (LoadColumns, FileSpec)]
+Kinds = Mapping[str, tuple[type, ...]]  # declarations of a table by the first of its keys, and of any other table
+
+BASE_KINDS: Kinds = {
+    "": (HarmonicBase,), "frequencies": (SweepBase,), "file": (BaseColumns, FileSpec),
+    "displacement": (FixedBase,), "rotation": (FixedBase,),
+}  # fmt: skip
+LOAD_KINDS: Kinds = {
+    "": (HarmonicLoad,), "speed": (MovingForce,), "time": (LoadValues,), "file": (LoadColumns, FileSpec),
+}  # fmt: skip
 COLUMN_NAMES = ("time", "tip", "base")  # names of columns that are always there
 
 
@@ -141,22 +147,27 @@ def convert_motion(file: StudyFile, nested: Mapping[str, Any], where: str) -> Ca
     return arguments
 
 
+def table_kind(kinds: Kinds, table: Any) -> tuple[type, ...]:
+    """Return the declarations of a table, which its keys tell."""
+    keys = table if isinstance(table, dict) else {}
+    return next((kind for key, kind in kinds.items() if key in keys), kinds[""])
+
+
 def _base(file: StudyFile, table: Any, where: str) -> Maker:
-    """Convert a base motion, of one of four kinds that the keys of its table tell apart."""
-    keys = set(table) if isinstance(table, dict) else set()
-    if "file" in keys:
+    """Convert a base motion."""
+    kind, *file_kind = table_kind(BASE_KINDS, table)
+    if file_kind:
         return _read_samples(file, table, SampledBase, BaseColumns, ("position", "position", "slope"), where)
-    fixed = keys and keys <= {"displacement", "rotation"}
-    base = convert(table, SweepBase if "frequencies" in keys else FixedBase if fixed else HarmonicBase, where)
+    base: Any = convert(table, kind, where)
     return lambda model: base
 
 
 def _load(file: StudyFile, table: Any, where: str) -> Maker:
-    """Convert a load at the tip, of one of four kinds that the keys of its table tell apart."""
-    keys = set(table) if isinstance(table, dict) else set()
-    if "file" in keys:
+    """Convert a load at the tip."""
+    kind, *file_kind = table_kind(LOAD_KINDS, table)
+    if file_kind:
         return _read_samples(file, table, SampledLoad, LoadColumns, ("force", "force", "moment"), where)
-    load = convert(table, LoadValues if "time" in keys else MovingForce if "speed" in keys else HarmonicLoad, where)
+    load: Any = convert(table, kind, where)
     if isinstance(load, LoadValues):
         with error_prefix(where):
             load = SampledLoad(**load.set_fields())

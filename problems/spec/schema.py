@@ -24,8 +24,8 @@ Alternatives = dict[str, list[tuple[Any, ...]]]
 ONE: Alternatives = {  # tables of the file, by the alternatives of their keys, each of one or several declarations
     "beam": [(BeamSpec,), (DocumentName,)],
     "match": [(MatchTable,)],
-    "base": motion.BASE_KINDS,
-    "load": motion.LOAD_KINDS,
+    "base": list(dict.fromkeys(motion.BASE_KINDS.values())),
+    "load": list(dict.fromkeys(motion.LOAD_KINDS.values())),
     "release": [(motion.ReleaseSpec,)],
     "simulation": [(motion.SimulationSpec,)],
     "response": [(motion.ResponseSpec,)],

@@ -40,16 +40,16 @@ STEP_KINDS = {"fit": "motion", "compare": "comparison"}  # kinds by the names th
 STUDY_TABLES = {"study", "timing", "versions", "data"}  # other keys of results.json
 
 
-def read_study(path: str | Path, names: Sequence[str] = ()) -> Study:
+def read_study(source: str | Path | StudyFile, names: Sequence[str] = ()) -> Study:
     """Read a study: all steps, or those that are named, by their name or kind, with what they need."""
-    file = StudyFile.of(str(path), required=set())
+    file = source if isinstance(source, StudyFile) else StudyFile.of(str(source), required=set())
     study = convert(file.tables.get("study", {}), Study, file.where("study"))
-    study = replace(study, title=study.title or Path(path).stem, file=file, laws=_laws(file))
+    study = replace(study, title=study.title or Path(file.path).stem, file=file, laws=_laws(file))
     where = file.where("steps")
     tables = _named_tables(file.several("steps") or _suggest_steps(file, names), where)
-    chosen = [step for name in names for step in _choose_steps(name, tables, str(path))] or list(tables)
+    chosen = [step for name in names for step in _choose_steps(name, tables, file.path)] or list(tables)
     if not tables:
-        raise InputError("defines no step; add [beam], [[decays]] or [[steps]]", str(path))
+        raise InputError("defines no step; add [beam], [[decays]] or [[steps]]", file.path)
     steps: dict[str, Step] = {}
     while missing := [name for name in chosen if name not in steps]:
         for name in missing:

@@ -13,7 +13,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from scipy.optimize import minimize_scalar
+import scipy  # its packages are imported on first use
 
 from ancf_casadi.support.arrays import Array
 
@@ -33,6 +33,6 @@ def proportional_variance(squares: Array, power: Array) -> Array:
         variance = quiet + math.exp(logarithm) * relative * power
         return len(power) * math.log(np.mean(squares / variance)) + float(np.sum(np.log(variance)))
 
-    share = math.exp(minimize_scalar(deviance, bounds=LOG_BOUNDS, method="bounded").x)
+    share = math.exp(scipy.optimize.minimize_scalar(deviance, bounds=LOG_BOUNDS, method="bounded").x)
     variance = quiet + share * relative * power
     return np.asarray(variance * np.mean(squares / variance))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -183,6 +184,22 @@ def first_picture(
     with open_video(path) as video, error_prefix(str(path)):
         first = next(_pictures(cv2, video, rate, (not_negative(begin, "begin"), math.inf), []))
         return _preview(cv2, first, find_marks(cv2, first, *sought, origin) if numbered else [])
+
+
+def read_pictures(
+    path: str | Path, *, sample_rate: float | None, begin: float, end: float, every: int
+) -> tuple[Array, list[Picture]]:
+    """Return the times of pictures of a video, s, as ``track_video`` has them, and the pictures."""
+    _opencv()
+    rate = None if sample_rate is None else physical(sample_rate, "sample_rate")
+    interval, step = (not_negative(begin, "begin"), positive_or_infinite(end, "end")), whole(every, "every", 1)
+    times: list[float] = []
+    with open_video(path) as video, error_prefix(str(path)):
+        pictures = list(itertools.islice(_frames(video, rate, interval, times), 0, None, step))
+        if not times:
+            raise InputError(f"ends before {interval[0]:g} s")
+        time, _ = _time(np.array(times), rate or video.frame_rate)
+    return time[::step], pictures
 
 
 def _opencv() -> Any:

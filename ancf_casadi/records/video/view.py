@@ -58,13 +58,17 @@ class View:
         scale = (self.ruler[4] if self.ruler else 1.0) / np.hypot(*(ends[1] - ends[0]))
         if self.clamp:
             straight_points = straight_points - self._undistort(cv2, np.array([self.clamp]))[0]
-        down = np.array([0.0, 1.0])
-        if self.vertical:
-            line = self._undistort(cv2, np.reshape(self.vertical, (2, 2)))
-            down = (line[1] - line[0]) / np.hypot(*(line[1] - line[0]))
-            down *= np.sign(down[1]) or 1.0  # rows count downwards
+        down = self.down(cv2)
         right = np.array([down[1], -down[0]])
         return scale * np.stack([straight_points @ right, -straight_points @ down], axis=-1), scale
+
+    def down(self, cv2: Any) -> Array:
+        """Return the direction (2,) in the picture that is vertical; rows count downwards."""
+        if not self.vertical:
+            return np.array([0.0, 1.0])
+        line = self._undistort(cv2, np.reshape(self.vertical, (2, 2)))
+        down = (line[1] - line[0]) / np.hypot(*(line[1] - line[0]))
+        return np.asarray(down * (np.sign(down[1]) or 1.0))
 
     def _undistort(self, cv2: Any, points: Array) -> Array:
         """Return points (..., 2) as a camera without distortion would show them, px."""

@@ -5,7 +5,7 @@ import sys
 import numpy as np
 import pytest
 
-from ancf_casadi import InputError, read_recording, track_video
+from ancf_casadi import Footage, InputError, read_recording, track_video
 from ancf_casadi.records.video.recording import _time
 from ancf_casadi.records.video.view import View
 from problems.cli import main
@@ -37,6 +37,19 @@ def test_distortion_of_the_lens_is_taken_out():
     positions, _ = View.of(lens=(focal, focal, *centre, *distortion)).positions(cv2, gap)
     np.testing.assert_allclose(positions[:3] * [1, -1], straight, atol=2e-3)
     assert np.isnan(positions[3]).all()
+
+
+def test_footage_shows_the_tracks_where_they_were_seen(strip):
+    path, true = strip(13)
+    view = {"ruler": (10.0, 10.0, 310.0, 50.0, 0.3), "clamp": (160.0, 12.0), "vertical": (150.0, 12.0, 160.0, 200.0)}
+    recording = track_video(path, markers=true[0], **view)
+    footage = Footage.from_video(path, **view, begin=1.5 / 240, every=3)
+    np.testing.assert_allclose(footage.time, [2 / 240, 5 / 240, 8 / 240, 11 / 240])
+    positions = np.stack([[recording.channel(f"{axis}{k}_m").values for axis in "xy"] for k in (1, 2, 3, 4)])
+    seen = footage.pixels(np.moveaxis(positions, 2, 0)[2::3])
+    assert np.abs(seen - true[2::3]).max() < 0.2  # px
+    with pytest.raises(InputError, match="ends before 1 s"):
+        Footage.from_video(path, begin=1.0)
 
 
 @pytest.mark.slow

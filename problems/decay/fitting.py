@@ -27,13 +27,14 @@ from numpy.typing import ArrayLike
 
 from ancf_casadi.decay.phase import FrequencyLaw
 from ancf_casadi.decay.rest_position import Rest
+from ancf_casadi.estimation.comparison import LawComparison
 from ancf_casadi.estimation.solver.unknown import Priors
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.support.inputs import check_instance, choice, flag, instances, numbers
 from ancf_casadi.support.interrupts import lasting_interrupts
 from problems.decay.amplitudes import AmplitudeFit, AmplitudeLaw, fit_amplitudes
-from problems.decay.comparison import combinations, compare_models, comparison_arguments
+from problems.decay.comparison import combinations, compare_decay_laws, compare_models, comparison_arguments
 from problems.decay.free_decay import as_record, clean_record, cut_at_release
 from problems.decay.laws import RATIO_BOUNDS, DecayModel, Law
 from problems.decay.limitations import refuse_unexplained
@@ -180,6 +181,17 @@ def fit_decay(
         fit = replace(fit, decay=replace(fit.decay, notes=(*fit.notes, *choice_warning)))
     refuse_unexplained(fit)
     return fit
+
+
+def fit_or_compare(
+    record: Measurement, laws: Mapping[str, Any], *, release_time: float | None, robust: bool
+) -> DecayFit | LawComparison[DecayFit]:
+    """Fit a decay as ``fit_decay`` does by its laws; where one is ``auto``, return the comparison of all."""
+    if "auto" not in laws.values():
+        return fit_decay(record, release_time=release_time, robust=robust, **laws)
+    if robust:
+        raise InputError("compares sums of squares, which outliers decide; choose a law", "auto")
+    return compare_decay_laws(record, release_time=release_time, **comparison_arguments(**laws))
 
 
 @lasting_interrupts()

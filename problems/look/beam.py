@@ -24,9 +24,9 @@ from problems.look.beam_computation import (
     write_document,
 )
 from problems.look.charts import Options
-from problems.look.editing import EditedStudy, Place
 from problems.look.form import Change, Form
 from problems.look.widgets import ComputingPanel, columns, report_label, set_options, show_notes
+from problems.spec.editing import EditedStudy, Place
 
 HEADS = {"mode": "mode", "frequency": "frequency, Hz", "ratio": "damping ratio, %"}
 DECADES = 1.0  # that a slider spans to either side of the first guess
@@ -118,23 +118,15 @@ class BeamPanel(ComputingPanel):
         self, function: Callable[[EditedStudy], MotionView], study: EditedStudy, title: str = ""
     ) -> MotionView | None:
         """Compute a motion, or fit it, and show it; return None if that has failed or was stopped."""
-        self._motion_error.text, reason = "", "stopped"
-        try:
-            motion = await self.compute(function, study, title=title)
-        except AncfError as error:
-            motion, reason = None, str(error)
-        if study is not self.study or self._motion.is_deleted:  # by a change, or as the page has closed
+        motion = await self.attempt(self._motion_error, function, study, title=title)
+        if motion is None or study is not self.study or self._motion.is_deleted:  # by a change, or as the page closed
             return None
-        if motion is None:
-            self._motion_error.text = reason
-        else:
-            self._motion_title.text, self._values.text = motion.title, motion.values
-            self._report.text = motion.report
-            show_notes(self._notes, motion.notes)
-            self._motion.clear()
-            with self._motion:
-                for chart in motion.charts:
-                    ui.echart(chart).classes("w-full h-60")
+        self._motion_title.text, self._values.text, self._report.text = motion.title, motion.values, motion.report
+        show_notes(self._notes, motion.notes)
+        self._motion.clear()
+        with self._motion:
+            for chart in motion.charts:
+                ui.echart(chart).classes("w-full h-60")
         return motion
 
     async def fit(self) -> None:
@@ -143,11 +135,7 @@ class BeamPanel(ComputingPanel):
 
     async def run_all_steps(self) -> None:
         """Run all steps of the study that is shown, such as predictions and a plan, and show their document."""
-        self._motion_error.text = ""
-        try:
-            document = await self.compute(write_document, self.study, self._folder, title="run")
-        except AncfError as error:
-            self._motion_error.text, document = str(error), None
+        document = await self.attempt(self._motion_error, write_document, self.study, self._folder, title="run")
         if document is not None and not self._document.is_deleted:
             self._document.clear()
             with self._document:

@@ -5,24 +5,19 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
-
-import msgspec
 
 from ancf_casadi.damping.law import SumOfLaws
-from ancf_casadi.damping.spec import law_spec
 from ancf_casadi.estimation.prediction import PredictedChannel
 from ancf_casadi.estimation.solver.unknown import Unknown
-from ancf_casadi.mechanics.lumped import changed_properties
 from ancf_casadi.response.linear_frf import ratios_at_rest
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.inputs import error_prefix
 from ancf_casadi.vibration.modes import natural_modes
 from problems.look.beam_charts import channel_charts, mode_chart, tip_chart
 from problems.look.charts import Options
-from problems.look.editing import EditedStudy, Place, value_at
 from problems.spec.beam import DampedBeam
-from problems.spec.file import StudyFile
+from problems.spec.editing import EditedStudy, Place
+from problems.spec.guesses import guess_places
 from problems.spec.motion import SimulationTables, start_shape
 from problems.spec.records import NUMBERS, Measurements
 from problems.study.drawing import render
@@ -89,22 +84,6 @@ def computed_motion(study: EditedStudy) -> MotionView:
     return MotionView("", ())
 
 
-def guess_places(file: StudyFile, names: Sequence[str]) -> dict[str, Place]:
-    """Return where the guesses of unknowns of a fit stand in its study, by name, as far as they do."""
-    beam = DampedBeam.of(file)
-    entries: list[Place] = []
-    for k, law in enumerate(beam.laws):
-        values = [parameter.value for parameter in law.parameters]
-        spec = msgspec.to_builtins(law_spec(law, beam.model))
-        for j, value in enumerate(values):
-            changed = law.with_parameters([*values[:j], 0.5 * value, *values[j + 1 :]])
-            entries.append(("damping", k, *_difference(spec, msgspec.to_builtins(law_spec(changed, beam.model)))))
-    parameters = beam.damping.parameters if beam.damping and entries else ()
-    places = [(parameter.name, entry) for parameter, entry in zip(parameters, entries, strict=True)]
-    places += [(name, ("beam", key)) for name in names for key in (name, *changed_properties(name))]
-    return {name: place for name, place in reversed(places) if name in names and value_at(file.tables, place)}
-
-
 def fit_study(study: EditedStudy) -> MotionView:
     """Fit the records of a study, as its step ``motion`` does."""
     fit = Measurements.of(study.file).read().fit()
@@ -124,12 +103,3 @@ def write_document(study: EditedStudy, folder: Path) -> Path:
 
 def _charts(channels: Sequence[PredictedChannel]) -> list[Options]:
     return [chart for channel in channels for chart in channel_charts(channel)]
-
-
-def _difference(first: Any, second: Any) -> Place:
-    """Return the place of the value that differs in plain data."""
-    if not isinstance(first, dict | list | tuple):
-        return ()
-    steps = first if isinstance(first, dict) else range(len(first))
-    step = next(step for step in steps if first[step] != second[step])
-    return (step, *_difference(first[step], second[step]))

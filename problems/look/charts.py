@@ -7,12 +7,13 @@ looks the same.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import cycle
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ancf_casadi.decay.envelope import LawCurve
-from ancf_casadi.decay.spectrum import clear_peaks
+from ancf_casadi.decay.spectrum import GAP, clear_peaks
 from ancf_casadi.support.arrays import Array
 from problems.study.formatting import shown
 
@@ -23,7 +24,7 @@ BINS = 1500  # pixels of a wide screen
 PEAKS, HARMONICS = 6, 3  # of a spectrum that are marked
 SPARKLINE = (160, 28)  # pixels
 RECORD, FIT, BAND = "#5470c6", "#d9480f", 0.18  # colours, and the opacity of a band
-OTHER_LAWS = ("#2f9e44", "#1971c2", "#9c36b5", "#e8590c", "#0c8599", "#846358")  # colours
+OTHER_LAWS = ("#2f9e44", "#1971c2", "#9c36b5", "#e8590c", "#0c8599", "#846358")  # colours, one after another
 PART = "rgba(136, 136, 136, 0.12)"  # of the record that was fitted
 TEXT, LINES = "#888", "rgba(136, 136, 136, 0.25)"  # on light and on dark pages
 LEGEND = {"legend": {"top": 0, "right": 20, "textStyle": {"color": TEXT}}}
@@ -36,9 +37,11 @@ BRUSHED: Options = {
 
 
 def record_chart(time: Array, values: Array, label: str) -> Options:
-    """Return the chart of a record, with a brush over the times, and room for the fit."""
-    lines = [line("record", thin(time, values), RECORD), line("fit", [], FIT)]
-    return line_chart("time, s", label, lines) | BRUSHED
+    """Return the chart of a record, with a brush over the times, and room for the fit; a gap ends a line."""
+    gaps = 1 + np.flatnonzero(np.diff(time) > GAP * np.median(np.diff(time)))
+    pieces = zip(np.split(time, gaps), np.split(values, gaps), strict=True)
+    data = [point for t, y in pieces for point in (*thin(t, y), [t[-1], None])]
+    return line_chart("time, s", label, [line("record", data, RECORD), line("fit", [], FIT)]) | BRUSHED
 
 
 def show_fit(chart: Options, view: DecayView) -> None:
@@ -92,7 +95,7 @@ def amplitude_chart(view: DecayView, quantity: str, laws: Sequence[str] = ()) ->
     The third entry of each point of the law is what the page says at the cursor.
     """
     scale, label = (100.0, "damping ratio, %") if quantity == "damping_ratio" else (1.0, "frequency, Hz")
-    series = [drawn for name, colour in zip(view.laws, OTHER_LAWS, strict=False) if name in laws
+    series = [drawn for name, colour in zip(view.laws, cycle(OTHER_LAWS), strict=False) if name in laws
               for drawn in _curve(name, view.laws[name], quantity, scale, colour)]  # fmt: skip
     *band, law = _curve("law", view.curve, quantity, scale, FIT)
     for k, point in enumerate(law["data"]):

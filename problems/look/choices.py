@@ -5,7 +5,6 @@ Each file of several is a take of the same mode: a record with options of its ow
 
 from __future__ import annotations
 
-import json
 import mimetypes
 import shlex
 from collections.abc import Mapping, Sequence
@@ -17,7 +16,17 @@ from ancf_casadi.support.files import read_toml
 
 STUDY_NAME = "study.toml"
 DIGITS = 6  # of a time or a frequency that is chosen in a chart
-DECAY_KEYS = ("time", "time_unit", "sample_rate", "column", "unit", "begin", "end", "release_time")  # of [[decays]]
+DECAY_KEYS = (
+    "file",
+    "time",
+    "time_unit",
+    "sample_rate",
+    "column",
+    "unit",
+    "begin",
+    "end",
+    "release_time",
+)  # of [[decays]]
 PART_KEYS = ("begin", "end", "release_time")  # of each take
 STEP_DEFAULTS = {"law": "linear", "rest": None}  # keys of the step of a study, with their defaults
 
@@ -89,7 +98,7 @@ def read_takes(files: Sequence[str]) -> Takes:
     takes = []
     for record in decay_records(study.file).values():
         keys = {key: value for key, value in record.set_fields().items() if value == value}  # not nan, the default
-        options = {name: keys[name] for name in DECAY_KEYS if name in keys}
+        options = {name: keys[name] for name in DECAY_KEYS[1:] if name in keys}
         takes.append(Choices(str(study.file.beside(record.file)), **options, **laws))
     return tuple(takes)
 
@@ -137,20 +146,12 @@ def _has_command(takes: Takes) -> bool:
 
 def study(takes: Takes) -> str:
     """Return the file of a study that fits the same; a comment names the options that only the command has."""
-    lines: list[str] = []
-    for take in takes:
-        options = take.options()
-        lines += ["[[decays]]", _entry("file", take.file)]
-        lines += [*(_entry(name, options[name]) for name in DECAY_KEYS if name in options), ""]
-    options = takes[0].options()
-    if laws := [_entry(name, options[name]) for name in STEP_DEFAULTS if name in options]:
-        lines += ["[[steps]]", 'kind = "decays"', *laws, ""]
-    names = dict.fromkeys(name for take in takes for name in take.options())
-    if missing := [name for name in names if name not in (*DECAY_KEYS, *STEP_DEFAULTS)]:
-        lines += [f"# only the command has: {', '.join(missing)}", ""]
-    return "\n".join(lines)
+    import tomlkit  # slow to import
 
-
-def _entry(key: str, value: str | float) -> str:
-    """Return a line of TOML, whose texts have the escapes of JSON."""
-    return f"{key} = {json.dumps(value, ensure_ascii=False) if isinstance(value, str) else value}"
+    options = [{"file": take.file} | take.options() for take in takes]
+    tables: dict[str, Any] = {"decays": [{name: take[name] for name in DECAY_KEYS if name in take} for take in options]}
+    if laws := {name: options[0][name] for name in STEP_DEFAULTS if name in options[0]}:
+        tables["steps"] = [{"kind": "decays"} | laws]
+    names = dict.fromkeys(name for take in options for name in take)
+    missing = [name for name in names if name not in (*DECAY_KEYS, *STEP_DEFAULTS)]
+    return tomlkit.dumps(tables) + (f"\n# only the command has: {', '.join(missing)}\n" if missing else "")

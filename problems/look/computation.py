@@ -21,8 +21,7 @@ from ancf_casadi.records.reading.formats import read_contents
 from ancf_casadi.records.recording import with_times
 from ancf_casadi.records.sensor import Sensor
 from ancf_casadi.support.arrays import Array
-from problems.decay.comparison import compare_decay_laws, comparison_arguments
-from problems.decay.fitting import fit_decay, fit_decays
+from problems.decay.fitting import fit_decays, fit_or_compare
 from problems.decay.law_curve import law_curve, measured_curve
 from problems.decay.mode_separation import isolate_mode
 from problems.decay.result import DecayFit
@@ -92,24 +91,15 @@ def chosen_part(choices: Choices) -> tuple[Measurement, float | None]:
 @lru_cache(MOST_TAKES)
 def fit_chosen(choices: Choices) -> DecayView:
     """Fit the chosen part of the record as ``fit-decay`` does."""
-    (record, release_time), laws = chosen_part(choices), _laws(choices)
-    candidates: Sequence[tuple[tuple[str, float], DecayFit]] = ()
-    result: DecayFit | LawComparison[DecayFit]
-    if "auto" in laws.values():
-        if choices.robust:
-            raise InputError("compares sums of squares, which outliers decide; choose a law", "auto")
-        result = compare_decay_laws(record, release_time=release_time, **comparison_arguments(**laws))  # type: ignore[arg-type]
-        pairs = zip(result.probabilities.items(), result.fits, strict=True)
-        fit, candidates = result.best, sorted(pairs, key=lambda pair: -pair[0][1])
-    else:
-        settings = {name: law or "constant" for name, law in laws.items()}
-        result = fit = fit_decay(record, release_time=release_time, robust=choices.robust, **settings)  # type: ignore[call-overload]
+    record, release_time = chosen_part(choices)
+    result = fit_or_compare(record, _laws(choices), release_time=release_time, robust=choices.robust)
+    fit = result.best if isinstance(result, LawComparison) else result
     amplitudes = np.geomspace(*fit.amplitude_range, AMPLITUDES)
-    curves = {
-        f"{name} {100 * probability:.1f} %": law_curve(candidate, amplitudes)
-        for (name, probability), candidate in candidates
-        if probability >= LEAST_SHOWN
-    }
+    curves: dict[str, LawCurve] = {}
+    if isinstance(result, LawComparison):
+        for (name, probability), candidate in zip(result.probabilities.items(), result.fits, strict=True):
+            if probability >= LEAST_SHOWN:
+                curves[f"{name} {100 * probability:.1f} %"] = law_curve(candidate, amplitudes)
     return DecayView(fit, result.report(), law_curve(result, amplitudes), measured_curve(fit), curves)
 
 

@@ -36,7 +36,7 @@ class FilmPanel(ComputingPanel):
     def __init__(self, files: Sequence[str], folder: Path) -> None:
         super().__init__()
         self.choices, self._folder = FilmChoices(files[0]), folder
-        self._decay: RecordPanel | None = None  # of the tracks
+        self._tracked: tuple[FilmChoices, RecordPanel] | None = None  # what was tracked, and the panel of the tracks
         self._points: list[Point] = []  # that were clicked of one with two
         self._fields = Fields(self.choose)
         self.build()
@@ -48,14 +48,14 @@ class FilmPanel(ComputingPanel):
         self._place = ui.toggle({name: name for name in POINTS}, value="ruler", on_change=self._forget_points)
         self._place.props("dense no-caps").mark("place")
         ui.label("markers to track, the origin, two points at a known distance, or two points on a vertical line")
-        self._fields.number("ruler_length", "length of the ruler, m", "without it, positions are in pixels")
+        self._fields.entry("ruler_length", "length of the ruler, m", "without it, positions are in pixels", kind=float)
         nothing = dict.fromkeys(("ruler", "clamp", "vertical", "markers"))
         ui.button("remove all", on_click=lambda: self.choose(**nothing)).props("flat dense")
         ui.label("Film").classes("text-subtitle2")
-        self._fields.number("sample_rate", "frames per second", "of the recording, if it plays in slow motion")
-        self._fields.number("begin", "begin, s")
-        self._fields.number("end", "end, s")
-        self._fields.number("radius", "radius of a marker, px", "default: of its dot, or 10", int)
+        self._fields.entry("sample_rate", "frames per second", "of the recording; for slow motion", kind=float)
+        self._fields.entry("begin", "begin, s", kind=float)
+        self._fields.entry("end", "end, s", kind=float)
+        self._fields.entry("radius", "radius of a marker, px", "default: of its dot, or 10", int)
 
     def _build_results(self) -> None:
         self._error = ui.label().classes("text-negative").mark("film-error")
@@ -70,8 +70,7 @@ class FilmPanel(ComputingPanel):
     async def update(self) -> None:
         """Show the picture with its markers, or why there are none, and what is placed in it."""
         choices = self.choices
-        for name, field in self._fields.by_name.items():
-            field.value = getattr(choices, name)
+        self._fields.show(choices)
         self._command.content = replace(choices, file=beside(choices.file, self._folder)).command()
         self._draw()
         try:
@@ -111,37 +110,30 @@ class FilmPanel(ComputingPanel):
 
     async def track(self) -> None:
         """Track the markers, and show their motion."""
-        self._error.text = ""
-        try:
-            tracked = await self.compute(track_film, self.choices, self._folder, title="track")
-        except AncfError as error:
-            self._error.text, tracked = str(error), None
-        if tracked is not None:
-            tracks, notes = tracked
-            show_notes(self._notes, notes)
-            self._tracks.clear()
-            self._over_film.clear()
-            with self._tracks:
-                ui.button("save the positions", on_click=lambda: ui.download.file(tracks.file))
-                self._decay = RecordPanel((tracks,), Path(tracks.file).parent)
-            self._decay.start()
+        film = self.choices
+        if (tracked := await self.attempt(self._error, track_film, film, self._folder, title="track")) is None:
+            return
+        tracks, notes = tracked
+        show_notes(self._notes, notes)
+        self._over_film.clear()
+        self._tracks.clear()
+        with self._tracks:
+            ui.button("save the positions", on_click=lambda: ui.download.file(tracks.file))
+            decay = RecordPanel((tracks,), Path(tracks.file).parent)
+        self._tracked = film, decay
+        decay.start()
 
     async def show_motion_over_film(self) -> None:
         """Show tracks and computed motion over the film, at any time."""
-        self._error.text = ""
-        assert self._decay is not None  # can_act
-        try:
-            motion = await self.compute(motion_over_film, self.choices, self._decay.take, title="film")
-        except AncfError as error:
-            self._error.text, motion = str(error), None
-        if motion is not None:
+        film, decay = self._tracked or (self.choices, None)
+        if decay and (motion := await self.attempt(self._error, motion_over_film, film, decay.take, title="film")):
             self._over_film.clear()
             with self._over_film:
                 _show_over_film(motion)
 
     def can_act(self, name: str) -> bool:
         """Return whether nothing is being computed, and for motion over the film, whether it was tracked."""
-        return super().can_act(name) and (name == "track" or self._decay is not None)
+        return super().can_act(name) and (name == "track" or self._tracked is not None)
 
 
 def _show_over_film(motion: MotionOverFilm) -> None:
@@ -149,10 +141,8 @@ def _show_over_film(motion: MotionOverFilm) -> None:
 
     def show(k: int) -> None:
         picture.set_source(Image.fromarray(motion.footage.image(k)))
-        dots = [_dot(point, RECORD) for point in motion.tracked[k].tolist()] + [
-            _dot(motion.computed[k].tolist(), FIT, 9)
-        ]
-        picture.content = "".join(dots)
+        tracked = [_dot(point, RECORD) for point in motion.tracked[k].tolist()]
+        picture.content = "".join([*tracked, _dot(motion.computed[k].tolist(), FIT, 9.0)])
         label.text = f"{motion.time[k]:.4g} s: markers as tracked (blue), and as computed (red)"
 
     label = ui.label()
@@ -165,5 +155,5 @@ def _show_over_film(motion: MotionOverFilm) -> None:
 def _dot(point: Sequence[float], colour: str, radius: float = 5.0) -> str:
     """Return a point of the picture as SVG, which counts from the corner of the first pixel; none if it is nan."""
     x, y = point
-    dot = f'<circle cx="{x + 0.5}" cy="{y + 0.5}" r="{radius}" fill="none" stroke="{colour}" stroke-width="2" />'
+    dot = f'<circle cx="{x + 0.5}" cy="{y + 0.5}" r="{radius:g}" fill="none" stroke="{colour}" stroke-width="2" />'
     return dot if math.isfinite(x + y) else ""

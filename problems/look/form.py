@@ -17,8 +17,8 @@ from ancf_casadi.damping.spec import LawSpec
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.spec import BeamSpec
 from ancf_casadi.support.specs import alternatives, listed_fields, value_place
-from problems.look.editing import EditedStudy, Place, parse_value, toml_value, value_at
 from problems.spec.beam import DocumentName
+from problems.spec.editing import EditedStudy, Place, parse_value, toml_value, value_at
 from problems.spec.motion import BASE_KINDS, LOAD_KINDS, Kinds, ReleaseSpec, SimulationSpec, table_kind
 from problems.spec.records import FitSpec
 

@@ -62,13 +62,13 @@ class FrfPanel(Panel):
         for file in self.choices.files:
             ui.label(Path(file).name).classes("text-subtitle1 break-all")
         self._fields.select("kind", get_args(FrfKind), "kind", "default: as the unit tells")
-        self._fields.text("column", "column", "of one function, by name or number")
-        self._fields.text("phase", "phase", "column of its phases")
-        self._fields.text("unit", "unit", "such as mm/N or g/N")
+        self._fields.entry("column", "column", "of one function, by name or number")
+        self._fields.entry("phase", "phase", "column of its phases")
+        self._fields.entry("unit", "unit", "such as mm/N or g/N")
         self._fields.select("phase_unit", ["deg", "rad"], "unit of the phases")
         self._reading_error = ui.label().classes("text-negative").mark("reading-error")
         ui.label("Modes").classes("text-subtitle2")
-        self._fields.number("modes", "number of modes", "default: as many as show", int)
+        self._fields.entry("modes", "number of modes", "default: as many as show", int)
         self._frequencies = ui.input("frequencies, Hz").props('hint="approximate, instead of a number"')
         self._frequencies.on("change", self._choose_frequencies)
         self._frequencies.classes("w-full").mark("frequencies")
@@ -121,8 +121,7 @@ class FrfPanel(Panel):
 
     def _show_choices(self, choices: FrfChoices) -> None:
         """Show the choices in their fields, and the command."""
-        for name, field in self._fields.by_name.items():
-            field.value = getattr(choices, name)
+        self._fields.show(choices)
         self._frequencies.value = ", ".join(map(str, choices.frequencies or ()))
         self._band.text = band_text(choices.band)
         files = tuple(beside(file, self._folder) for file in choices.files)

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import cycle
 from pathlib import Path
 from typing import Any, get_args
 
@@ -110,15 +111,15 @@ class RecordPanel(Panel):
         self._name = ui.label().classes("text-subtitle1 break-all")
         self._reading_error = ui.label().classes("text-negative break-words w-full empty:hidden").mark("reading-error")
         self._fields.select("column", [], "column")
-        self._fields.text("unit", "unit", "such as mm, g or 0.25 mm")
+        self._fields.entry("unit", "unit", "such as mm, g or 0.25 mm")
         self._fields.select("sensor", get_args(Quantity), "sensor", "default: as the unit tells")
         self._fields.select("time", [], "time", "column of the times; default: as its name tells")
-        self._fields.text("time_unit", "time unit", "such as ms")
-        self._fields.number("sample_rate", "samples per second", "for a file without times")
+        self._fields.entry("time_unit", "time unit", "such as ms")
+        self._fields.entry("sample_rate", "samples per second", "for a file without times", kind=float)
         self._reader_notes = ui.column().classes("w-full gap-1").mark("reader-notes")
         ui.label("Part to fit, s").classes("text-subtitle2")
         for name, hint in PART_HINTS.items():
-            self._fields.number(name, name.replace("_", " "), hint)
+            self._fields.entry(name, name.replace("_", " "), hint, float)
         self._release = ui.label()
         self._band = ui.label()
         everything = dict.fromkeys(("begin", "end", "release_time", "band"))
@@ -250,7 +251,7 @@ class RecordPanel(Panel):
         show_notes(self._notes, fit.warnings)
         self._laws.clear()
         with self._laws:
-            for name, colour in zip(view.laws, OTHER_LAWS, strict=False):
+            for name, colour in zip(view.laws, cycle(OTHER_LAWS), strict=False):
                 ui.checkbox(name, value=True, on_change=self._draw_curves).style(f"color: {colour}")
         self._draw_curves()
 

@@ -10,6 +10,7 @@ from typing import Any, TypeVar
 
 from nicegui import events, ui
 
+from ancf_casadi.exceptions import AncfError
 from problems.look.charts import SPARKLINE
 from problems.look.choices import DIGITS
 from problems.look.worker import Work, work
@@ -123,6 +124,17 @@ class ComputingPanel(Panel):
             self._works.remove(computation)
             self.show_progress()
 
+    async def attempt(self, message: ui.label, function: Callable[..., T], *arguments: Any, title: str) -> T | None:
+        """Return the result of a function; None if it has failed or was stopped, which a message then says."""
+        message.text = ""
+        try:
+            result = await self.compute(function, *arguments, title=title)
+        except AncfError as error:
+            message.text = str(error)
+            return None
+        message.text = "stopped" if result is None else ""
+        return result
+
     def stop(self) -> None:
         """Stop all that is being computed."""
         for computation in self._works:
@@ -153,17 +165,16 @@ class Fields:
         field.on_value_change(lambda: self._choose(**{name: field.value}))
         self._add(name, field, hint)
 
-    def text(self, name: str, label: str, hint: str) -> None:
-        """Add a field for a text."""
-        field = ui.input(label)
-        field.on("change", lambda: self._choose(**{name: field.value or None}))
+    def entry(self, name: str, label: str, hint: str = "", kind: type[str] | type[float] = str) -> None:
+        """Add a field for a text or a number."""
+        field: Any = ui.input(label) if kind is str else ui.number(label, format="%.6g")
+        field.on("change", lambda: self._choose(**{name: None if field.value in (None, "") else kind(field.value)}))
         self._add(name, field, hint)
 
-    def number(self, name: str, label: str, hint: str = "", kind: type[float] = float) -> None:
-        """Add a field for a number."""
-        field = ui.number(label, format="%.6g")
-        field.on("change", lambda: self._choose(**{name: None if field.value is None else kind(field.value)}))
-        self._add(name, field, hint)
+    def show(self, choices: Any) -> None:
+        """Show the choices in their fields."""
+        for name, field in self.by_name.items():
+            field.value = getattr(choices, name)
 
     def _add(self, name: str, field: ui.element, hint: str) -> None:
         self.by_name[name] = field.props(f'dense hint="{hint}"').classes("w-full").mark(name)

@@ -77,7 +77,11 @@ def wait_until_idle(page):
 
 
 def shown_study(page):
-    return tomllib.loads(page.locator("code").last.inner_text())
+    return tomllib.loads(study_text(page))
+
+
+def study_text(page):
+    return page.locator("textarea").last.input_value()
 
 
 class TestInABrowser:
@@ -92,7 +96,7 @@ class TestInABrowser:
             wait_for(page, f"{frequencies[5]:.6g}")
             rows = page.locator("tbody tr").all_inner_texts()
             assert [float(row.split()[1]) for row in rows] == [float(f"{f:.6g}") for f in frequencies]
-        assert "length = 0.6           # m" in page.inner_text("body")
+        assert "length = 0.6           # m" in study_text(page)
         assert page.hosts == {urllib.parse.urlsplit(url).netloc}
 
     def test_supports_and_laws_are_added_with_the_keys_of_their_kind(self, look, page, study):
@@ -154,7 +158,7 @@ class TestInABrowser:
             assert time.perf_counter() - began < 2.0  # 0.3 s on an idle machine
             page.get_by_role("button", name="fit", exact=True).wait_for()
         fill(page, "length", "0.6")
-        wait_for(page, "length = 0.6")
+        page.wait_for_function("document.querySelector('textarea').value.includes('length = 0.6')")
         page.get_by_role("button", name="fit", exact=True).click()
         page.wait_for_function(r"/fit: [1-9]\d* steps/.test(document.body.innerText)")
         page.close()
@@ -182,6 +186,40 @@ class TestInABrowser:
         page.goto(url)
         wait_for(page, "alpha 0.4 1/s")
         assert shown_study(page) == tomllib.loads(saved.read_text())
+
+    def test_the_text_of_the_study_and_the_form_change_each_other(self, look, page, study):
+        _, url = look(study(0.1))
+        page.goto(url)
+        wait_for(page, "alpha 0.3 1/s")
+        text = page.locator("textarea").last
+        text.fill(study_text(page).replace("alpha = 0.3 ", "alpha = 0.4 ") + "\n[fit]\nrobust = true\n")
+        text.press("Tab")
+        wait_for(page, "alpha 0.4 1/s")
+        page.get_by_text("[fit]", exact=True).click()
+        fill(page, "unknowns", '["elastic_modulus"]')
+        page.wait_for_function("document.querySelector('textarea').value.includes('unknowns')")
+        assert shown_study(page)["fit"] == {"robust": True, "unknowns": ["elastic_modulus"]}
+        text.fill("[beam")
+        text.press("Tab")
+        wait_for(page, "is not TOML")
+
+    def test_all_steps_of_a_study_run_with_predictions_and_a_plan(self, look, page, study, tmp_path):
+        record = STUDY[STUDY.index("[[records]]") :]
+        plan = '[[candidates]]\nname = "longer"\nduration = 2.0\nsample_rate = 50.0\nchannels = [{std = 1e-4}]\n'
+        path = study(1.0, record.replace("[[records]]", "[[predictions]]\nname = 'the same again'") + plan)
+        _, url = look(path)
+        page.goto(url)
+        wait_for(page, "alpha 0.3 1/s")
+        wait_until_idle(page)
+        page.get_by_role("button", name="run all steps").click()
+        document = page.frame_locator("iframe")
+        document.get_by_text("Planned experiments").first.wait_for(timeout=60_000)
+        text = document.locator("body").inner_text()
+        run("run", path, "--out", tmp_path / "out")
+        (alpha,) = json.loads((tmp_path / "out" / "results.json").read_text())["motion"]["fit"]["estimates"]
+        assert f"{alpha['value']:.6g}" in text
+        assert all(words in text for words in ("the same again", "list within the budget 4"))
+        assert page.hosts == {urllib.parse.urlsplit(url).netloc}
 
     def test_without_a_record_the_simulated_motion_is_shown(self, look, page, tmp_path):
         path = tmp_path / "study.toml"

@@ -4,7 +4,7 @@ import pytest
 
 from problems.command.init import STUDY
 from problems.look.beam_computation import guess_places
-from problems.look.editing import EditedStudy
+from problems.spec.editing import EditedStudy
 
 
 @pytest.fixture

@@ -1,6 +1,7 @@
 """A film on the page: what is clicked in its picture, the tracks, and the command that does the same."""
 
 import math
+import re
 import shlex
 from dataclasses import replace
 from pathlib import Path
@@ -105,4 +106,13 @@ def test_a_film_is_tracked_and_its_decay_fitted(look, page, tmp_path):
     page.get_by_role("button", name="track").click()
     page.wait_for_function("document.body.innerText.match(/2\\.00\\d* . \\S+ Hz/)", timeout=30_000)
     wait_for(page, "fit-decay markers.csv --column x2_m")
+    page.get_by_role("button", name="show motion over film").click()
+    wait_for(page, "0 s: markers as tracked (blue), and as computed (red)")
+    box = page.locator(".q-slider").bounding_box()
+    page.mouse.click(box["x"] + box["width"] / 3, box["y"] + box["height"] / 2)
+    page.wait_for_function("!document.body.innerText.includes('\\n0 s: markers')")
+    (time,) = re.findall(r"([\d.]+) s: markers", page.inner_text("body"))
+    true = 160 + 60 * math.exp(-0.04 * math.pi * float(time)) * math.cos(4 * math.pi * float(time))
+    shown = [page.locator("circle").nth(-k).get_attribute("cx") for k in (1, 2)]  # as computed, and as tracked
+    assert [float(place) for place in shown] == pytest.approx([true, true], abs=0.7)
     assert page.hosts == {url.split("/")[2]}

@@ -16,7 +16,7 @@ import pytest
 pytest.importorskip("nicegui")
 
 from problems.look.charts import BINS, thin
-from problems.look.server import Guard
+from problems.look.guard import Guard
 from problems.study.formatting import shown
 from tests.problems.look.conftest import in_browser, run, wait_for
 
@@ -61,7 +61,7 @@ def test_the_token_opens_the_page_once_and_a_cookie_does_afterwards():
 )
 def test_whoever_does_not_know_the_token_or_comes_from_elsewhere_is_refused(headers, query):
     assert answer(headers, query)[0]["status"] == 403
-    assert answer(headers, query, "websocket") == [{"type": "websocket.close", "code": 1008}]
+    assert answer(headers, query, "websocket")[0]["status"] == 403
 
 
 def test_a_thinned_line_keeps_its_extremes():
@@ -100,6 +100,12 @@ CLICKED = """([chart, x, y]) => {
     const pixel = getElement(Number(element.id.slice(1))).chart.convertToPixel({gridIndex: 0}, [x, y]);
     return [box.x + pixel[0], box.y + pixel[1]];
 }"""  # where a point of a chart is
+
+
+def options(page, chart):
+    """Return the options of a chart as the browser has them."""
+    script = "chart => getElement(Number(document.querySelectorAll('.nicegui-echart')[chart].id.slice(1)))"
+    return page.evaluate(f"{script}.chart.getOption()", chart)
 
 
 def brush(page, begin, end, chart=0):
@@ -195,8 +201,58 @@ class TestInABrowser:
         assert "--begin" not in command_line(page)
         page.get_by_label("law", exact=True).click()
         page.get_by_role("option", name="auto").first.click()
-        wait_for(page, "Probabilities of the laws: linear ")
+        wait_for(page, "quadratic ")
+        lines = [len(options(page, chart)["series"]) for chart in (3, 4)]
+        box = page.get_by_role("checkbox", name=re.compile("linear [0-9.]+ %")).first
+        box.click()
+        page.wait_for_timeout(500)
+        assert [len(options(page, chart)["series"]) for chart in (3, 4)] == [count - 3 for count in lines]
         assert page.evaluate("document.documentElement.scrollWidth") == 1000
+
+    def test_the_line_of_the_release_is_dragged_and_follows_the_size_of_the_page(self, look, page, tmp_path):
+        _, url = look(write_decay(tmp_path / "tip.csv"))
+        page.goto(url)
+        wait_for(page, "±")
+        for width, instant in ((1400, 2.0), (1000, 3.0)):
+            page.set_viewport_size({"width": width, "height": 1000})
+            page.wait_for_timeout(1000)  # until the chart is drawn
+            (handle,) = options(page, 0)["graphic"][0]["elements"]
+            box, target = page.locator("canvas").first.bounding_box(), page.evaluate(CLICKED, [0, instant, 0.0])
+            page.mouse.move(box["x"] + handle["x"] + handle["shape"]["width"] / 2, target[1])
+            page.mouse.down()
+            page.mouse.move(*target, steps=6)
+            page.mouse.up()
+            pattern = f"/--release-time ({instant:.0f}|{instant - 1:.0f}[.]9)/"
+            page.wait_for_function(f"{pattern}.test(document.body.innerText)")
+            page.wait_for_timeout(500)
+            (release,) = re.findall(r"--release-time (\S+)", command_line(page))
+            assert float(release) == pytest.approx(instant, abs=0.03)
+        assert "--begin" not in command_line(page)
+
+    def test_the_spectrum_names_peaks_and_harmonics(self, look, page, tmp_path):
+        time, noise = np.linspace(0.0, 20.0, 4001), np.random.default_rng(0).normal(0.0, 0.01, 4001)
+        swing = 20.0 * np.exp(-0.1 * time) * np.cos(12.3 * time) + np.exp(-0.2 * time) * np.cos(81.0 * time) + noise
+        np.savetxt(
+            tmp_path / "tip.csv", np.column_stack([time, swing]), header="t (s),tip (mm)", delimiter=",", comments=""
+        )
+        _, url = look(tmp_path / "tip.csv")
+        page.goto(url)
+        wait_for(page, "±")
+        page.wait_for_timeout(500)
+        spectrum, peaks = options(page, 2)["series"]
+        assert [point[0] for point in peaks["data"]] == pytest.approx([12.3 / 2 / np.pi, 81.0 / 2 / np.pi], abs=0.05)
+        marks = {mark["label"]["formatter"]: mark["xAxis"] for mark in spectrum["markLine"]["data"]}
+        assert marks == pytest.approx({"f": 1.9576, "2 f": 3.9152, "3 f": 5.8728}, rel=1e-3)
+
+    def test_a_gap_is_no_line(self, look, page, tmp_path):
+        path = write_decay(tmp_path / "tip.csv")
+        lines = path.read_text().splitlines()
+        path.write_text("\n".join(lines[:400] + lines[600:]) + "\n")
+        _, url = look(path)
+        page.goto(url)
+        wait_for(page, "±")
+        data = options(page, 0)["series"][0]["data"]
+        assert sum(point[1] is None for point in data) == 2  # of the gap, and at the end
 
     def test_the_column_of_times_is_chosen_where_several_could_be(self, look, page, tmp_path):
         time = np.linspace(0.0, 8.0, 801)

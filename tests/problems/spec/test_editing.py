@@ -6,7 +6,7 @@ import pytest
 
 from ancf_casadi.exceptions import InputError
 from problems.command.init import STUDY
-from problems.look.editing import EditedStudy, parse_value, toml_value
+from problems.spec.editing import EditedStudy, parse_value, toml_value
 
 PIN = {"kind": "pin", "point": 0.25}
 

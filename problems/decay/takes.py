@@ -157,7 +157,7 @@ class DecayFits(LeastSquaresResult, Sequence[DecayFit]):
     def warnings(self) -> tuple[str, ...]:
         """Disagreements of the records, then the warnings of the fit to each record."""
         disagreements = [a.warning for a in self.agreements if a.warning]
-        return (*disagreements, *dict.fromkeys(text for fit in self.fits for text in fit.warnings))
+        return (*disagreements, *_warnings([f"record {k}" for k in range(1, len(self) + 1)], self.fits))
 
     def predict(self, record: Measurement) -> RecordPrediction:
         """Compute another decay with the estimates, as ``DecayFit.predict``."""
@@ -196,7 +196,8 @@ class DecayFits(LeastSquaresResult, Sequence[DecayFit]):
         """Return the table and the fit to all records as text."""
         if not self.agreements:
             return self.fits[0].report()
-        notes = [f"  note: {text}" for text in self.warnings if text not in self.fits[0].warnings]
+        known = self.fits[0].warnings
+        notes = [f"  note: {text}" for text in self.warnings if text.removeprefix("record 1: ") not in known]
         return "\n".join([self.table().text(), *notes, "", self.fits[0].report()])
 
     def to_dict(self) -> dict[str, Any]:
@@ -246,16 +247,7 @@ class DecayModes(DecayFits):
     @cached_property
     def warnings(self) -> tuple[str, ...]:
         """Limitations of the record, and those of single modes with the number and the frequency of the mode."""
-        if len(self.fits) == 1:
-            return self.fits[0].warnings
-        shared = [text for text in self.fits[0].warnings if all(text in fit.warnings for fit in self.fits)]
-        mode_warnings = [
-            f"mode {k} ({fit.frequency:.4g} Hz): {text}"
-            for k, fit in enumerate(self.fits, start=1)
-            for text in fit.warnings
-            if text not in shared
-        ]
-        return (*shared, *mode_warnings)
+        return _warnings([f"mode {k} ({fit.frequency:.4g} Hz)" for k, fit in enumerate(self.fits, start=1)], self.fits)
 
     def table(self) -> Table:
         """Return one row per mode with 95 % intervals, and the remarks that concern all."""
@@ -285,3 +277,10 @@ class DecayModes(DecayFits):
         data = super().to_dict()
         del data["alone"]
         return {**data, "modes": data.pop("records")}
+
+
+def _warnings(names: Sequence[str], fits: Sequence[DecayFit]) -> tuple[str, ...]:
+    """Return the warnings of fits, those of all of them first, and the others with the name of the fit."""
+    shared = [text for text in fits[0].warnings if all(text in fit.warnings for fit in fits)]
+    pairs = [(name, text) for name, fit in zip(names, fits, strict=True) for text in fit.warnings]
+    return (*shared, *(f"{name}: {text}" for name, text in pairs if text not in shared))

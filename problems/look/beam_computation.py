@@ -96,8 +96,8 @@ def fit_study(study: EditedStudy) -> MotionView:
 def write_document(study: EditedStudy, folder: Path) -> Path:
     """Run all steps of a study, as ``run`` does, and write their results to a folder; return the document."""
     results, command = folder / "results", f"ancf-casadi run {Path(study.file.path).name}"
-    whole = read_study(study.file)
-    write_study(whole, results, quick=False, executor=None, jobs=1, progress=False, command=command)
+    steps = read_study(study.file)
+    write_study(steps, results, quick=False, executor=None, jobs=1, progress=False, command=command)
     return results / PAGE
 
 

@@ -16,18 +16,8 @@ from ancf_casadi.support.files import read_toml
 
 STUDY_NAME = "study.toml"
 DIGITS = 6  # of a time or a frequency that is chosen in a chart
-DECAY_KEYS = (
-    "file",
-    "time",
-    "time_unit",
-    "sample_rate",
-    "column",
-    "unit",
-    "begin",
-    "end",
-    "release_time",
-)  # of [[decays]]
 PART_KEYS = ("begin", "end", "release_time")  # of each take
+DECAY_KEYS = ("file", "time", "time_unit", "sample_rate", "column", "unit", *PART_KEYS)  # of [[decays]]
 STEP_DEFAULTS = {"law": "linear", "rest": None}  # keys of the step of a study, with their defaults
 
 

@@ -95,13 +95,12 @@ def motion_over_film(film: FilmChoices, tracks: Choices) -> MotionOverFilm:
     settings = {name: value for name, value in film.settings().items() if name not in ("markers", "radius")}
     footage = Footage.from_video(film.file, **settings, every=every)
     time = np.asarray(footage.time)
-    channels = [channel for channel in track.channels if not channel.name.startswith("std")]
-    positions = np.column_stack([channel.values for channel in channels])[::every].reshape(len(time), -1, 2)
-    fit, chosen = fit_chosen(tracks).fit, [channel.name for channel in channels].index(str(tracks.column))
-    computed = positions[:, chosen // 2].copy()
-    inside = (time >= fit.time[0]) & (time <= fit.time[-1])
-    computed[:, chosen % 2] = np.where(inside, fit.displacement(time), np.nan)
-    return MotionOverFilm(footage, time, footage.pixels(positions), footage.pixels(computed))
+    tracked = np.column_stack([channel.values for channel in track.channels])[::every].reshape(len(time), -1, 3)
+    marker, axis = divmod([channel.name for channel in track.channels].index(str(tracks.column)), 3)  # x, y, std
+    fit, computed = fit_chosen(tracks).fit, tracked[:, marker].copy()
+    is_fitted = (time >= fit.time[0]) & (time <= fit.time[-1])
+    computed[:, axis] = np.where(is_fitted, fit.displacement(time), np.nan)
+    return MotionOverFilm(footage, time, footage.pixels(tracked[..., :2]), footage.pixels(computed[:, :2]))
 
 
 def track_film(choices: FilmChoices, folder: Path) -> tuple[Choices, Sequence[str]]:

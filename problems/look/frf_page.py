@@ -11,11 +11,12 @@ from nicegui import events, ui
 
 from ancf_casadi.exceptions import AncfError, InputError
 from ancf_casadi.response.linear_frf import FrfKind
+from ancf_casadi.support.tables import plural
 from problems.frf.result import FrfFit
 from problems.frf.selection import StabilityChart
 from problems.look.choices import band_text, beside
 from problems.look.frf import FrfChoices, choose_pole, comma_numbers, fit_modes, frf_poles, frf_record
-from problems.look.frf_charts import magnitude_chart, pole_chart, show_modes
+from problems.look.frf_charts import MOST_DRAWN, magnitude_chart, pole_chart, show_modes
 from problems.look.widgets import (
     Fields,
     Panel,
@@ -129,7 +130,9 @@ class FrfPanel(Panel):
 
     def _show_fit(self, fit: FrfFit, report: str) -> None:
         self._fit, self._fit_error.text, errors = fit, "", fit.standard_errors
-        self._summary.text = "1 mode" if len(fit.frequencies) == 1 else f"{len(fit.frequencies)} modes"
+        count = fit.record.columns.shape[1]
+        drawn = f"; the first {MOST_DRAWN} of {count} functions are drawn" if count > MOST_DRAWN else ""
+        self._summary.text = plural(len(fit.frequencies), "mode") + drawn
         self._table.rows = [
             {"mode": k, "frequency": shown(f, errors[f"frequency_{k}"]),
              "damping_ratio": shown(100 * ratio, 100 * errors[f"damping_ratio_{k}"])}

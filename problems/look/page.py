@@ -22,7 +22,8 @@ def build_page(files: Sequence[str], folder: Path) -> None:
 
     async def show_upload(event: events.MultiUploadEventArguments) -> None:
         apart = Path(mkdtemp(dir=folder))
-        paths = [apart / Path(file.name).name for file in event.files]
+        names = [Path(file.name).name for file in event.files]
+        paths = [apart / (f"{k}-{name}" if name in names[:k] else name) for k, name in enumerate(names)]
         for path, file in zip(paths, event.files, strict=True):
             await file.save(path)
         upload.reset()  # which would ignore files that it has had before

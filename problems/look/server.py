@@ -5,7 +5,6 @@ It listens, and prints its address, before it imports what builds the page: the 
 
 from __future__ import annotations
 
-import gc
 import secrets
 import socket
 import tempfile
@@ -32,7 +31,6 @@ def serve(files: Sequence[str], *, open_browser: bool) -> None:
 
 def _serve(files: Sequence[str], listener: socket.socket, token: str, address: str, folder: Path) -> None:
     """Serve the page on a socket that listens."""
-    gc.disable()  # imports make many objects, and none of them is garbage
     import uvicorn  # all of these are slow to import
     from fastapi import FastAPI
     from nicegui import Client, app, ui
@@ -50,7 +48,6 @@ def _serve(files: Sequence[str], listener: socket.socket, token: str, address: s
 
     if files:  # while the browser starts, so that the page finds the result
         WORKER.submit(compute_first, files)
-    WORKER.submit(gc.enable)
     app.on_disconnect(lambda: app.timer(SECONDS_TO_RETURN, end_if_closed, once=True))
     server_app = FastAPI()
     server_app.add_middleware(Guard, token=token, address=address)

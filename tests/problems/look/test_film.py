@@ -113,6 +113,8 @@ def test_a_film_is_tracked_and_its_decay_fitted(look, page, tmp_path):
     page.wait_for_function("!document.body.innerText.includes('\\n0 s: markers')")
     (time,) = re.findall(r"([\d.]+) s: markers", page.inner_text("body"))
     true = 160 + 60 * math.exp(-0.04 * math.pi * float(time)) * math.cos(4 * math.pi * float(time))
-    shown = [page.locator("circle[stroke^='#']").nth(-k).get_attribute("cx") for k in (1, 2)]  # as computed, and as tracked
+    shown = [
+        page.locator("circle[stroke^='#']").nth(-k).get_attribute("cx") for k in (1, 2)
+    ]  # as computed, and as tracked
     assert [float(place) for place in shown] == pytest.approx([true, true], abs=0.7)
     assert page.hosts == {url.split("/")[2]}

@@ -5,6 +5,7 @@ import contextlib
 import http.client
 import json
 import re
+import runpy
 import shlex
 import time
 import urllib.parse
@@ -363,6 +364,15 @@ class TestInABrowser:
         wait_for(page, "--begin")
         page.wait_for_selector(".q-spinner.hidden", state="attached")
         assert time.perf_counter() - began < 3.0  # 0.7 s on an idle machine
+
+    def test_the_pictures_of_the_documentation_are_drawn(self, look, page, tmp_path):
+        script = runpy.run_path(str(Path(__file__).parents[3] / "docs" / "look_pictures.py"))
+        script["write_record"](tmp_path / "tip.csv")
+        _, url = look()
+        page.goto(url)
+        pictures = script["film"](page, tmp_path / "tip.csv")
+        assert len(pictures) == 20 and len({picture.tobytes() for picture in pictures}) > 15
+        assert "quadratic decay" in page.inner_text("body") and "--begin" in command_line(page)
 
     def test_requests_without_the_token_get_nothing(self, look, tmp_path):
         _, url = look(write_decay(tmp_path / "tip.csv"))

@@ -33,17 +33,23 @@ def look():
         process.wait()
 
 
-@pytest.fixture
-def page():
-    """A page of a browser that notes the hosts to which it sends requests."""
+@pytest.fixture(scope="session")
+def browser():
     playwright = pytest.importorskip("playwright.sync_api")
     with playwright.sync_playwright() as running:
         browser = running.chromium.launch(executable_path=BROWSER, args=["--no-sandbox"])
-        page = browser.new_page(viewport={"width": 1400, "height": 1400})
-        page.hosts = set()
-        page.on("request", lambda request: page.hosts.add(urllib.parse.urlsplit(request.url).netloc))
-        yield page
+        yield browser
         browser.close()
+
+
+@pytest.fixture
+def page(browser):
+    """A page of a browser that notes the hosts to which it sends requests."""
+    page = browser.new_page(viewport={"width": 1400, "height": 1400})
+    page.hosts = set()
+    page.on("request", lambda request: page.hosts.add(urllib.parse.urlsplit(request.url).netloc))
+    yield page
+    page.context.close()
 
 
 def wait_for(page, text):

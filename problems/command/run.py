@@ -65,6 +65,7 @@ def run_run(options: argparse.Namespace) -> Output:
 def run_reproduce(options: argparse.Namespace) -> Output:
     """Run the study of the paper."""
     from problems.paper.reproduce import PAPER  # slow to import, and only needed here
+
     return _run_study(options, PAPER)
 
 

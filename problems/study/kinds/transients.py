@@ -13,7 +13,6 @@ from typing import Annotated, Any, Self, final
 import numpy as np
 from msgspec import Meta
 
-from ancf_casadi.dynamics.simulation import Method
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.beam import Beam
 from ancf_casadi.support.arrays import Array, maxima
@@ -29,19 +28,17 @@ TRANSIENT_KEYS = {"experiment", "runs"}  # other keys of its numbers
 Row = tuple[int, LawChoice, dict[str, Any]]  # number of a run, law, and the numbers of the experiment
 
 
-def run_experiments(
-    compute: Compute, beam: Beam, runs: Sequence[RequestedRun], methods: Sequence[Method] = ("radau",)
-) -> list[list[ExperimentResult]]:
-    """Simulate each run under each of its laws by each method; return the results run by run."""
+def run_experiments(compute: Compute, beam: Beam, runs: Sequence[RequestedRun]) -> list[list[ExperimentResult]]:
+    """Simulate each run under each of its laws; return the results run by run."""
     inputs, costs = [], []
     for run in runs:
         requested = replace(run.shorten() if compute.quick else run, laws=(), measured_ratio=math.nan)
         # computing time by the number of periods
         cost = 0.01 * max(requested.frequency, 2.0) * (requested.stop + max(requested.window, 1.0))
-        inputs += [(beam, law.terms, requested, method) for law in run.laws for method in methods]
-        costs += [cost] * len(run.laws) * len(methods)
+        inputs += [(beam, law.terms, requested) for law in run.laws]
+        costs += [cost] * len(run.laws)
     results = iter(compute.all(run_experiment, inputs, costs))
-    return [[next(results) for _ in range(len(run.laws) * len(methods))] for run in runs]
+    return [[next(results) for _ in run.laws] for run in runs]
 
 
 @final

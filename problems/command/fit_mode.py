@@ -9,7 +9,7 @@ from ancf_casadi.exceptions import InputError
 from ancf_casadi.support.inputs import error_prefix
 from problems.beam.curves.record import ResponseRecord
 from problems.command.fit_decay import add_law_options
-from problems.command.output import Output, add_options, add_plot, finite, new_files, result_output
+from problems.command.output import Output, add_options, add_plot, finite, new_files, option_values, result_output
 from problems.command.record_options import add_record_options, check_no_record_options, read_record, releases
 from problems.mode.fitting import fit_mode
 from problems.spec.records import read_curves
@@ -55,6 +55,6 @@ def run_fit_mode(options: argparse.Namespace) -> Output:
         fit = fit_mode(
             [*decays, *curves],
             release_times=[time for time in times if time is not None] or None,
-            **{name: getattr(options, name) for name in ("law", "frequency_law", "modal_constant", "rest", "robust")},
+            **option_values(options, ("law", "frequency_law", "modal_constant", "rest", "robust")),
         )
     return result_output(fit, options.plot)

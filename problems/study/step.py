@@ -23,7 +23,7 @@ from ancf_casadi.mechanics.model import Model
 from ancf_casadi.mechanics.spec import BeamSpec
 from ancf_casadi.mechanics.strain import StrainMeasures
 from ancf_casadi.support.figures import Figure
-from ancf_casadi.support.inputs import shown, whole
+from ancf_casadi.support.inputs import shown
 from ancf_casadi.support.specs import UNLISTED, convert
 from ancf_casadi.support.tables import Cell, Reported, Table
 from problems.spec.beam import read_beam
@@ -233,8 +233,7 @@ class Study:
             if law.name == name:
                 for term in law.terms:
                     if "step" not in term:
-                        spec = convert(term, LawSpec, f"{where}: {name}")
-                        whole(len(getattr(spec, "ratios", ())), f"{where}: {name}: ratios", 0, self.model.freedoms)
+                        convert(term, LawSpec, f"{where}: {name}").check(self.model, f"{where}: {name}")
                 return law
         raise InputError(f"there is no law {shown(name)}; [[laws]] names them", where)
 

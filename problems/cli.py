@@ -59,7 +59,9 @@ UNFINISHED = "nothing was written"  # by a command that a signal ended, if the c
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command and return its exit code."""
     if "_ARGCOMPLETE" in os.environ:  # a shell asks for the completions of a line
-        _complete(os.environ.get("COMP_LINE", ""))
+        from argcomplete import autocomplete
+
+        autocomplete(_parser(os.environ.get("COMP_LINE", "").split()))  # which exits
     os.environ["MPLBACKEND"] = "agg"  # a command draws to files; the value of the user may name no backend
     open_output = _open_streams()
     try:
@@ -119,14 +121,6 @@ def _add_options(parser: argparse.ArgumentParser, command: str) -> None:
     ]
     parser.usage = " ".join([parser.prog, "[options]", *words])  # all options are explained below it
     parser.set_defaults(run=getattr(module, f"run_{name}"))
-
-
-def _complete(line: str) -> NoReturn:
-    """Print the completions of a command line, and exit; argcomplete wants to see all options before it parses."""
-    from argcomplete import autocomplete
-
-    autocomplete(_parser(line.split()))
-    raise SystemExit
 
 
 def _parser(words: Collection[str] = COMMANDS) -> argparse.ArgumentParser:

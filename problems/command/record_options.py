@@ -122,10 +122,3 @@ def refuse_combinations(excluded: Mapping[str, tuple[bool, str, Mapping[str, boo
         for name, present in others.items():
             if given and present:
                 raise InputError(f"{action}; it does not go with {name}", option)
-
-
-def check_no_record_options(options: argparse.Namespace, instead: str) -> None:
-    """Refuse the options of a record where there is none, and say what to do ``instead``."""
-    for option, given in given_options(options, *RECORD_KEYS).items():
-        if given:
-            raise InputError(f"belongs to the file of a record; {instead}", option)

@@ -86,7 +86,12 @@ def combined_law(compute: Compute) -> Finding:
         (f"η2 of the beam by each mode alone, and one value for all.{synthetic}", _eta2_figure, fit),
         (f"Damping ratio of each mode against its amplitude under each law.{synthetic}", _ratio_figure, curves),
     )
-    return Finding(data, (_law_table(fit, *total), drag_table), figures, fit.warnings)
+    rows = [(f"ζ of mode {n}, linear", "%", 100 * ratio) for n, ratio in enumerate(fit.ratios, start=1)]
+    rows += [("η2, all modes", "1/m", fit.eta2), ("drag coefficient", "1", total[0])]
+    errors = {"value": [*100 * fit.errors[:-1], fit.errors[-1], total[1]]}
+    title = "Modal plus quadratic damping for all modes"
+    law_table = study_table(title, ("", "unit", "value"), rows, fit.verdict, errors=errors)
+    return Finding(data, (law_table, drag_table), figures, fit.warnings)
 
 
 def fit_to_decays(compute: Compute) -> tuple[CombinedLawFit, Modes]:
@@ -218,14 +223,6 @@ def _law_numbers(fit: CombinedLawFit, drag: float, drag_error: float) -> dict[st
         "drag_coefficient": float(drag),
         "drag_coefficient_stderr": float(drag_error),
     }
-
-
-def _law_table(fit: CombinedLawFit, drag: float, drag_error: float) -> Table:
-    rows = [(f"ζ of mode {n}, linear", "%", 100 * ratio) for n, ratio in enumerate(fit.ratios, start=1)]
-    rows += [("η2, all modes", "1/m", fit.eta2), ("drag coefficient", "1", drag)]
-    errors = {"value": [*100 * fit.errors[:-1], fit.errors[-1], drag_error]}
-    title = "Modal plus quadratic damping for all modes"
-    return study_table(title, ("", "unit", "value"), rows, fit.verdict, errors=errors)
 
 
 def _drag(fit: CombinedLawFit, modes: Modes) -> tuple[list[dict[str, Any]], Table]:

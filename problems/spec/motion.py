@@ -320,7 +320,13 @@ class ResponseTables(StepTables):
         unit_vector(table.direction, f"{where}: direction")
         if bool(table.base_amplitudes) == bool(table.tip_forces):
             raise InputError("give either base_amplitudes (m) or tip_forces (N)", f"{where}: base_amplitudes")
-        modes = _reduced_modes(table, beam.model, f"{where}: modes")
+        freedoms = beam.model.freedoms
+        if table.model == "full":
+            if table.modes:
+                raise InputError("belongs to the reduced model; leave it out", f"{where}: modes")
+            modes = 0
+        else:
+            modes = whole(table.modes or min(RESPONSE_MODES, freedoms // 2), f"{where}: modes", 1, freedoms)
         return cls(file, beam, table, modes, read_markers(file, beam.model))
 
     @property
@@ -356,12 +362,3 @@ class ResponseTables(StepTables):
             tolerance=self.table.tolerance,
             **self.excitation(level),
         )
-
-
-def _reduced_modes(table: ResponseSpec, model: Model, where: str) -> int:
-    """Return the number of modes of the reduced model; 0 for the full beam."""
-    if table.model == "full":
-        if table.modes:
-            raise InputError("belongs to the reduced model; leave it out", where)
-        return 0
-    return whole(table.modes, where, 1, model.freedoms) if table.modes else min(RESPONSE_MODES, model.freedoms // 2)

@@ -13,7 +13,7 @@ import os
 import signal
 import sys
 import warnings
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Collection, Sequence
 from importlib import import_module
 from io import TextIOWrapper
 from typing import TYPE_CHECKING, Any, NoReturn
@@ -148,23 +148,18 @@ def _parser(words: Collection[str] = COMMANDS) -> argparse.ArgumentParser:
     return parser
 
 
-def _parse(arguments: Sequence[str] | None) -> argparse.Namespace:
-    words = sys.argv[1:] if arguments is None else arguments
-    parser = _parser(words)
-    if words and words[0] in REPLACED:
-        parser.error(f"{words[0]} is now: ancf-casadi {REPLACED[words[0]]}")
-    options, unknown = parser.parse_known_args(words)
-    if unknown:
-        options.refuse(f"unrecognized arguments: {' '.join(unknown)}")
-    return options
-
-
 def _run(arguments: Sequence[str] | None) -> int:
-    written = UNFINISHED
+    written, words = UNFINISHED, sys.argv[1:] if arguments is None else arguments
+    failures: list[Exception] = []  # reasons why some of the files cannot be made or written
     with raised_endings() as noted, warnings.catch_warnings():
         warnings.showwarning = _show_warning
         try:
-            options = _parse(arguments)
+            parser = _parser(words)
+            if words and words[0] in REPLACED:
+                parser.error(f"{words[0]} is now: ancf-casadi {REPLACED[words[0]]}")
+            options, unknown = parser.parse_known_args(words)
+            if unknown:
+                options.refuse(f"unrecognized arguments: {' '.join(unknown)}")
             written = options.unfinished
             from ancf_casadi.support.progress import counter  # slow to import, for a help text
             from ancf_casadi.support.tables import to_json, wrap_report
@@ -174,7 +169,11 @@ def _run(arguments: Sequence[str] | None) -> int:
                 text = to_json({"version": __version__} | output.data()).rstrip() if options.json else output.text()
             if output.files:
                 written = "not all files were written"
-            failures = _write(output.files)
+            for write in output.files:
+                try:
+                    write()
+                except (AncfError, OSError, MemoryError) as error:
+                    failures.append(error)
         except KeyboardInterrupt:
             return _report_stop(noted, written)
         except Exception as error:
@@ -184,17 +183,6 @@ def _run(arguments: Sequence[str] | None) -> int:
     if text:
         print(text, flush=True)
     return max([_report_failure(failure) for failure in failures], default=0)
-
-
-def _write(files: Sequence[Callable[[], object]]) -> list[Exception]:
-    """Write all files, and return the reasons why some of them cannot be made or written."""
-    failures: list[Exception] = []
-    for write in files:
-        try:
-            write()
-        except (AncfError, OSError, MemoryError) as error:
-            failures.append(error)
-    return failures
 
 
 def _show_warning(message: Warning | str, *where: Any, **more: Any) -> None:

@@ -211,7 +211,7 @@ class Study:
     printed_by: Annotated[str, Meta(description="origin of printed numbers")] = "printed"
     seed: Annotated[int, UNLISTED] = 0  # of all random numbers
     file: Annotated[StudyFile, UNLISTED] = NO_FILE
-    laws: Annotated[tuple[LawChoice, ...], UNLISTED] = ()  # the tables [[laws]]
+    laws: Annotated[Mapping[str, LawChoice], UNLISTED] = field(default_factory=dict)  # the tables [[laws]] by name
     beam: Annotated[Beam | None, UNLISTED] = None  # of the file, if a step needs it
 
     @cached_property
@@ -229,13 +229,12 @@ class Study:
 
     def law_choice(self, name: Any, where: str) -> LawChoice:
         """Return a law by its name."""
-        for law in self.laws:
-            if law.name == name:
-                for term in law.terms:
-                    if "step" not in term:
-                        convert(term, LawSpec, f"{where}: {name}").check(self.model, f"{where}: {name}")
-                return law
-        raise InputError(f"there is no law {shown(name)}; [[laws]] names them", where)
+        if not isinstance(name, str) or name not in self.laws:
+            raise InputError(f"there is no law {shown(name)}; [[laws]] names them", where)
+        for term in self.laws[name].terms:
+            if "step" not in term:
+                convert(term, LawSpec, f"{where}: {name}").check(self.model, f"{where}: {name}")
+        return self.laws[name]
 
     def shorten(self) -> Study:
         """Return the study of a quick look, without the steps that it leaves out, and without those that need them."""

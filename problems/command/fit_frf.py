@@ -55,7 +55,7 @@ def add_fit_frf(parser: argparse.ArgumentParser) -> None:
         "that inspect lists: the hits or blocks of all files are averaged"
     )
     parser.add_argument("files", metavar="FILE", nargs="+", help="file of frequency response functions, or over time")
-    add_options(parser, kind=(FrfKind, "KIND", "default: as the unit tells"), **FIT_OPTIONS)
+    add_options(parser, kind=(FrfKind, "KIND", "as the unit tells, if not given"), **FIT_OPTIONS)
     add_plot(parser, "draw the functions and the fit")
     add_keys(parser.add_argument_group("reading the file"), CurveFileSpec, *COLUMN_KEYS, *LAYOUT_KEYS)
     group = parser.add_argument_group("force and response over time")

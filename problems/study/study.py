@@ -23,6 +23,7 @@ from tempfile import TemporaryDirectory
 from types import NoneType
 from typing import Any
 
+from ancf_casadi.exceptions import InputError
 from ancf_casadi.support.files import check_folder, check_path, write_files
 from ancf_casadi.support.inputs import check_instance, flag, instances, whole
 from ancf_casadi.support.interrupts import lasting_interrupts
@@ -154,6 +155,8 @@ def run_study(
     """
     names = instances(steps, "steps", str, minimum=0)
     if isinstance(path, Study):
+        if names:
+            raise InputError("are chosen from a file; leave them out for a study that was read", "steps")
         whole_study = path
     else:
         check_path(path, "path")

@@ -13,7 +13,7 @@ import os
 import signal
 import sys
 import warnings
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Collection, Sequence
 from importlib import import_module
 from io import TextIOWrapper
 from typing import TYPE_CHECKING, Any, NoReturn
@@ -59,7 +59,9 @@ UNFINISHED = "nothing was written"  # by a command that a signal ended, if the c
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command and return its exit code."""
     if "_ARGCOMPLETE" in os.environ:  # a shell asks for the completions of a line
-        _complete(os.environ.get("COMP_LINE", ""))
+        from argcomplete import autocomplete
+
+        autocomplete(_parser(os.environ.get("COMP_LINE", "").split()))  # which exits
     os.environ["MPLBACKEND"] = "agg"  # a command draws to files; the value of the user may name no backend
     open_output = _open_streams()
     try:
@@ -97,12 +99,7 @@ def _open_streams() -> bool:
 
 
 class _Parser(argparse.ArgumentParser):
-    """The parser of the command, or of a subcommand, whose module is imported only if the subcommand is given."""
-
-    subcommands: Mapping[str, _Parser]
-
-    def __init__(self, **settings: Any) -> None:
-        super().__init__(**settings, allow_abbrev=False)
+    """The parser of the command, or of a subcommand."""
 
     def error(self, message: str) -> NoReturn:
         """Refuse in one line."""
@@ -111,51 +108,30 @@ class _Parser(argparse.ArgumentParser):
             line = f"{line[: LONGEST - 3]}..."
         self.exit(2, f"{self.prog}: {_printable(line)}; see {self.prog} --help\n")
 
-    def add_options(self) -> None:
-        """Add the options of a subcommand, once."""
-        if (title := self.get_default("title")) and not self.get_default("run"):
-            add_options, run = command_functions(title)
-            add_options(self)
-            words = [
-                f"{action.metavar}{' ...' * (action.nargs in ('+', '*'))}"
-                for action in self._actions
-                if not action.option_strings
-            ]
-            self.usage = " ".join([self.prog, "[options]", *words])  # all options are explained below it
-            self.set_defaults(run=run)
 
-    def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
-        """Add the options of a subcommand, and parse."""
-        self.add_options()
-        return super().parse_known_args(args, namespace)
-
-
-def command_functions(command: str) -> tuple[Callable[[argparse.ArgumentParser], None], Callable[..., Output]]:
-    """Return the functions that add the options of a subcommand, and that run it."""
+def _add_options(parser: argparse.ArgumentParser, command: str) -> None:
+    """Add the options of a subcommand to its parser."""
     name = command.replace("-", "_")
     module = import_module(f"problems.command.{SHARING.get(command, name)}")
-    return getattr(module, f"add_{name}"), getattr(module, f"run_{name}")
+    getattr(module, f"add_{name}")(parser)
+    words = [
+        f"{action.metavar}{' ...' * (action.nargs in ('+', '*'))}"
+        for action in parser._actions
+        if not action.option_strings
+    ]
+    parser.usage = " ".join([parser.prog, "[options]", *words])  # all options are explained below it
+    parser.set_defaults(run=getattr(module, f"run_{name}"))
 
 
-def _complete(line: str) -> NoReturn:
-    """Print the completions of a command line, and exit; argcomplete wants to see all options before it parses."""
-    from argcomplete import autocomplete
-
-    parser = _parser()
-    for command in set(line.split()) & COMMANDS.keys():
-        parser.subcommands[command].add_options()
-    autocomplete(parser)
-    raise SystemExit
-
-
-def _parser() -> _Parser:
+def _parser(words: Collection[str] = COMMANDS) -> argparse.ArgumentParser:
+    """Return the parser, with the options of those subcommands that are among the words: their modules are slow."""
     parser = _Parser(
         prog="ancf-casadi",
+        allow_abbrev=False,
         description="Identify the damping and the properties of very flexible beams, and predict their large motion.",
         epilog="Start with 'inspect FILE' for a record, or 'init' for a study; 'COMMAND --help' explains each command.",
     )
     commands = parser.add_subparsers(title="commands", required=True, metavar="COMMAND")
-    parser.subcommands = commands.choices
     parser.add_argument("--version", action="version", version=f"%(prog)s {__version__}")
     for name, about in COMMANDS.items():
         added = commands.add_parser(
@@ -163,29 +139,27 @@ def _parser() -> _Parser:
             help=about,
             description=f"{about[0].upper()}{about[1:]}.",
             formatter_class=argparse.RawDescriptionHelpFormatter,
+            allow_abbrev=False,
         )
         added.add_argument("--json", action="store_true", help="print the result as JSON")
         added.set_defaults(title=name, refuse=added.error, unfinished=UNFINISHED)
+        if name in words:
+            _add_options(added, name)
     return parser
 
 
-def _parse(arguments: Sequence[str] | None) -> argparse.Namespace:
-    options: argparse.Namespace
-    parser, words = _parser(), sys.argv[1:] if arguments is None else arguments
-    if words and words[0] in REPLACED:
-        parser.error(f"{words[0]} is now: ancf-casadi {REPLACED[words[0]]}")
-    options, unknown = parser.parse_known_args(words)
-    if unknown:
-        options.refuse(f"unrecognized arguments: {' '.join(unknown)}")
-    return options
-
-
 def _run(arguments: Sequence[str] | None) -> int:
-    written = UNFINISHED
+    written, words = UNFINISHED, sys.argv[1:] if arguments is None else arguments
+    failures: list[Exception] = []  # reasons why some of the files cannot be made or written
     with raised_endings() as noted, warnings.catch_warnings():
         warnings.showwarning = _show_warning
         try:
-            options = _parse(arguments)
+            parser = _parser(words)
+            if words and words[0] in REPLACED:
+                parser.error(f"{words[0]} is now: ancf-casadi {REPLACED[words[0]]}")
+            options, unknown = parser.parse_known_args(words)
+            if unknown:
+                options.refuse(f"unrecognized arguments: {' '.join(unknown)}")
             written = options.unfinished
             from ancf_casadi.support.progress import counter  # slow to import, for a help text
             from ancf_casadi.support.tables import to_json, wrap_report
@@ -195,7 +169,11 @@ def _run(arguments: Sequence[str] | None) -> int:
                 text = to_json({"version": __version__} | output.data()).rstrip() if options.json else output.text()
             if output.files:
                 written = "not all files were written"
-            failures = _write(output.files)
+            for write in output.files:
+                try:
+                    write()
+                except (AncfError, OSError, MemoryError) as error:
+                    failures.append(error)
         except KeyboardInterrupt:
             return _report_stop(noted, written)
         except Exception as error:
@@ -205,17 +183,6 @@ def _run(arguments: Sequence[str] | None) -> int:
     if text:
         print(text, flush=True)
     return max([_report_failure(failure) for failure in failures], default=0)
-
-
-def _write(files: Sequence[Callable[[], object]]) -> list[Exception]:
-    """Write all files, and return the reasons why some of them cannot be made or written."""
-    failures: list[Exception] = []
-    for write in files:
-        try:
-            write()
-        except (AncfError, OSError, MemoryError) as error:
-            failures.append(error)
-    return failures
 
 
 def _show_warning(message: Warning | str, *where: Any, **more: Any) -> None:

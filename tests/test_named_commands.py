@@ -19,10 +19,10 @@ COMMAND = re.compile(rf"(?:{'|'.join(COMMANDS)})(?= |$)")
 @cache
 def options_of(command: str) -> set[str]:
     """Return the options of a subcommand, or those that need none."""
-    parser = _parser()
+    parser = _parser([command])
     if command:
-        parser = parser.subcommands[command]
-        parser.add_options()
+        (commands,) = (action for action in parser._actions if action.choices)
+        parser = commands.choices[command]
     return {option for action in parser._actions for option in action.option_strings}
 
 

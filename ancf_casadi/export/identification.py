@@ -3,30 +3,79 @@
 from __future__ import annotations
 
 import datetime
+import hashlib
 import math
+import os
 import platform
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import casadi as cs
 import numpy as np
 import scipy
-from msgspec import Struct, to_builtins
+from msgspec import Meta, to_builtins
+from msgspec.structs import fields, force_setattr
 
 from ancf_casadi.exceptions import InputError
-from ancf_casadi.export.structs import DataFile, IdentificationSpec, ProvenanceSpec
-from ancf_casadi.support.files import MAX_LEVELS, check, place
+from ancf_casadi.support.files import MAX_LEVELS, check, open_file, place
 from ancf_casadi.support.inputs import check_instance, instances, is_sequence, shown
-from ancf_casadi.support.specs import convert
+from ancf_casadi.support.specs import FieldError, Spec, convert
 from ancf_casadi.version import __version__
 
 MAX_RESULT_LEVELS = MAX_LEVELS - 4  # a result begins four levels deep in a document
 
+NotEmpty = Annotated[str, Meta(min_length=1)]
+Hash = Annotated[str, Meta(pattern="^[0-9a-f]{64}$", max_length=64)]  # $ also matches before a last line feed
+Time = Annotated[
+    str, Meta(pattern="^[0-9]{4}-[0-9]{2}-[0-9]{2}T[0-9]{2}:[0-9]{2}:[0-9]{2}Z$", max_length=20, description="UTC")
+]
 
-@dataclass(frozen=True)
-class Identification:
+
+class DataFile(Spec, frozen=True):
+    """Name and hash of a file of measurements.
+
+    Parameters
+    ----------
+    name : str
+        Name of the file, without folders.
+    sha256 : str
+        SHA-256 of the content, 64 hexadecimal digits.
+
+    Raises
+    ------
+    InputError
+        If the name is empty, or the hash does not have 64 hexadecimal digits.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from ancf_casadi.export import DataFile
+    >>> _ = Path("decay.csv").write_text("0.0,1.0")
+    >>> file = DataFile.of("decay.csv")
+    >>> file.name, file.sha256[:8]
+    ('decay.csv', 'f6478e63')
+    """
+
+    name: NotEmpty
+    sha256: Hash
+
+    def __post_init__(self) -> None:
+        """Validate."""
+        _check_fields(self)
+
+    @classmethod
+    def of(cls, path: str | Path) -> DataFile:
+        """Return name and hash of a file; one that cannot be read raises an ``InputError``."""
+        digest = hashlib.sha256()
+        with open_file(path) as file:
+            while chunk := file.read(2**20):  # bytes
+                digest.update(chunk)
+        name = os.fsencode(Path(path).name).decode(errors="replace")
+        return cls(name, digest.hexdigest())
+
+
+class Identification(Spec, frozen=True):
     """The result of a fit, kept as plain data.
 
     Parameters
@@ -52,19 +101,19 @@ class Identification:
     rayleigh (alpha 0.236167 +- 0.0085 1/s, beta 2.68898e-05 +- 3.7e-06 s)
     """
 
-    result: Mapping[str, Any]
-    data: Sequence[DataFile] = ()
+    result: dict[str, Any]
+    data: tuple[DataFile, ...] = ()
 
     def __post_init__(self) -> None:
         """Validate, and keep plain data."""
         result: Any = self.result
         if not isinstance(result, Mapping) or not {"kind", "estimates"} <= result.keys():
-            raise InputError("is not the result of a fit: it does not state its kind and its estimates", "result")
+            raise FieldError("is not the result of a fit: it does not state its kind and its estimates", "result")
         if not isinstance(result["kind"], str) or not result["kind"]:
-            raise InputError(f"must be a text, got {shown(result['kind'])}", "result.kind")
-        object.__setattr__(self, "result", _plain(self.result, "result"))
-        object.__setattr__(self, "data", instances(self.data, "data", DataFile, minimum=0))
-        _check_serialisable(self, IdentificationSpec)
+            raise FieldError(f"must be a text, got {shown(result['kind'])}", "result.kind")
+        force_setattr(self, "result", _plain(self.result, "result"))
+        force_setattr(self, "data", instances(self.data, "data", DataFile, minimum=0))
+        _check_fields(self)
 
     @classmethod
     def of(cls, result: Any, *, data: Sequence[str | Path] = ()) -> Identification:
@@ -95,7 +144,7 @@ class Identification:
         if not is_sequence(data):
             raise InputError(f"must be a sequence of files, got {shown(data)}", "data")
         fit_data = result.to_dict() if hasattr(result, "to_dict") else result
-        return cls(fit_data, [DataFile.of(path) for path in data])
+        return cls(fit_data, tuple(DataFile.of(path) for path in data))
 
     @property
     def kind(self) -> str:
@@ -116,8 +165,7 @@ class Identification:
         return f"{self.kind} ({', '.join([*files, *values])})" if files or values else self.kind
 
 
-@dataclass(frozen=True)
-class Provenance:
+class Provenance(Spec, frozen=True):
     """Origin of a document.
 
     Parameters
@@ -142,18 +190,18 @@ class Provenance:
     ('2025-01-31T12:00:00Z', ['ancf-casadi', 'casadi', 'numpy', 'python', 'scipy'])
     """
 
-    written: str
-    versions: Mapping[str, str]
+    written: Time
+    versions: dict[str, str]
     note: str = ""
 
     def __post_init__(self) -> None:
         """Validate."""
         check_instance(self.versions, "versions", Mapping)
-        _check_serialisable(self, ProvenanceSpec)
+        _check_fields(self)
         try:
             datetime.datetime.fromisoformat(self.written)
         except ValueError:
-            raise InputError("must be a time such as 2025-01-31T12:00:00Z", "written") from None
+            raise FieldError("must be a time such as 2025-01-31T12:00:00Z", "written") from None
 
     @classmethod
     def of_this(cls, *, note: str = "", written: str | None = None) -> Provenance:
@@ -169,9 +217,10 @@ class Provenance:
         return cls(now if written is None else written, versions, note)
 
 
-def _check_serialisable(record: Any, layout: type[Struct]) -> None:
-    """Check that JSON can hold a record of this layout."""
-    check(to_builtins(convert(record, layout)), "")
+def _check_fields(record: Spec) -> None:
+    """Check that the fields have their types, and that JSON can hold them."""
+    for field in fields(record):
+        check(to_builtins(convert(getattr(record, field.name), field.type, field.name)), field.name)
 
 
 def _plain(value: Any, where: str, level: int = 1) -> Any:

@@ -1,7 +1,15 @@
 """The durable form of a beam: a JSON document with its damping law, its identifications and its provenance.
 
 A document is data: reading it runs no code from the file.  The model that is read equals the one that was written, to
-the last bit.  ``structs`` describes its layout.
+the last bit.  ``DocumentSpec`` describes its layout, with one specification for each of its objects:
+
+    {"format": "ancf-casadi", "schema": 1,
+     "beam": {...}, "strain_measures": {...},      ``mechanics.spec``: SI units, one value per element
+     "damping": {...} or null,                     ``damping.spec``: the key ``law`` names the law
+     "identifications": [...],                     results of fits, and the files that they were made from
+     "provenance": {...}}                          time, versions of the programs, and a note
+
+``schema`` returns the layout as a JSON Schema (draft 2020-12).
 """
 
 from __future__ import annotations
@@ -10,28 +18,35 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import NoneType
-from typing import Any
+from typing import Any, Final, Literal
 
 import msgspec
 
 from ancf_casadi.damping import DampingLaw, ModalDamping, SumOfLaws
-from ancf_casadi.damping.spec import law_spec
+from ancf_casadi.damping.spec import LawSpec, law_spec
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.export.identification import Identification, Provenance
-from ancf_casadi.export.structs import (
-    DOCUMENT_FORMAT,
-    DOCUMENT_VERSION,
-    DocumentSpec,
-    IdentificationSpec,
-    ProvenanceSpec,
-    parse_document,
-)
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.mechanics.spec import BeamSpec, StrainMeasuresSpec, model_from
-from ancf_casadi.support.files import check_file, place, read_json, write_file
-from ancf_casadi.support.inputs import check_instance, error_prefix, instances
-from ancf_casadi.support.specs import convert
+from ancf_casadi.support.files import check_file, read_json, write_file
+from ancf_casadi.support.inputs import check_instance, error_prefix, instances, shown
+from ancf_casadi.support.specs import Spec, convert
 from ancf_casadi.support.tables import to_json
+
+DOCUMENT_FORMAT: Final = "ancf-casadi"
+DOCUMENT_VERSION: Final = 1  # of the layout: it changes when the meaning of a key does
+
+
+class DocumentSpec(Spec, frozen=True):
+    """A beam with its damping law and its identifications; SI units, and no key twice in an object."""
+
+    format: Literal["ancf-casadi"]
+    schema: Literal[1]
+    beam: BeamSpec
+    strain_measures: StrainMeasuresSpec
+    damping: LawSpec | None
+    identifications: tuple[Identification, ...]
+    provenance: Provenance
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,8 +102,8 @@ class Document:
             beam=BeamSpec.of(self.model.beam),
             strain_measures=convert(self.model.measures, StrainMeasuresSpec),
             damping=None if self.damping is None else law_spec(self.damping, self.model),
-            identifications=convert(self.identifications, tuple[IdentificationSpec, ...]),
-            provenance=convert(self.provenance, ProvenanceSpec),
+            identifications=tuple(self.identifications),
+            provenance=self.provenance,
         )
         data: dict[str, Any] = msgspec.to_builtins(layout)
         return data
@@ -139,16 +154,42 @@ def read_document(path: str | Path) -> Document:
     """
     data = read_json(path)
     with error_prefix(str(path)):
-        layout = parse_document(data)
+        layout = _parse(data)
         model = model_from(layout.beam, layout.strain_measures, "$")
         law = None if layout.damping is None else layout.damping.law(model, "$.damping")
-        identifications = []
-        for k, item in enumerate(layout.identifications):
-            with error_prefix(place("$.identifications", k)):
-                identifications.append(Identification(item.result, item.data))
-        with error_prefix("$.provenance"):
-            provenance = Provenance(**layout.provenance.set_fields())
-        return Document(model, law, identifications, provenance)
+        return Document(model, law, layout.identifications, layout.provenance)
+
+
+def schema() -> dict[str, Any]:
+    """Return the JSON Schema (draft 2020-12) of a document.
+
+    Examples
+    --------
+    >>> from ancf_casadi.export import schema
+    >>> schema()["$schema"]
+    'https://json-schema.org/draft/2020-12/schema'
+    """
+    identifiers = {
+        "$schema": "https://json-schema.org/draft/2020-12/schema",
+        "$id": f"urn:{DOCUMENT_FORMAT}:document:{DOCUMENT_VERSION}",
+    }
+    layout = msgspec.json.schema(DocumentSpec)
+    for definition in layout["$defs"].values():
+        definition["description"] = definition["description"].partition("\n")[0]
+    return identifiers | layout
+
+
+def _parse(data: dict[str, Any]) -> DocumentSpec:
+    """Return plain data as a document; an error names the key, such as ``$.damping.laws[0].alpha``."""
+    if data.get("format") != DOCUMENT_FORMAT:
+        raise InputError(f"must be {DOCUMENT_FORMAT!r}: the file is not a document of this toolkit", "$.format")
+    version = data.get("schema")
+    if type(version) is not int or version != DOCUMENT_VERSION:
+        message = (
+            f"must be {DOCUMENT_VERSION}, got {shown(version)}; a document of a later version needs a later release"
+        )
+        raise InputError(message, "$.schema")
+    return convert(data, DocumentSpec, "$")
 
 
 def _check_mesh(law: DampingLaw | None, model: Model) -> None:

@@ -40,7 +40,7 @@ def response_figure(curves: Mapping[str, ResponseCurve], point: float | None = N
         x, stable = curve.values, curve.stable
         amplitude, phase = (1e3 if beam else 1.0) * curve.amplitude(point), np.degrees(curve.phase(point))
         for axes, y in ((above, amplitude), (below, phase)):
-            _draw(axes, x, y, stable, colour, label if axes is above else "")
+            draw_branches(axes, x, y, stable, label if axes is above else None, color=colour)
         for bifurcation in curve.bifurcations:
             k, marker = bifurcation.index, BIFURCATION_MARKERS[bifurcation.kind]
             above.plot(x[k], amplitude[k], marker, color=colour, fillstyle="none", markersize=5)
@@ -60,13 +60,15 @@ def _two_axes(figure: Figure, **settings: Any) -> tuple[Axes, Axes]:
     return above, below
 
 
-def _draw(axes: Axes, x: Array, y: Array, stable: NDArray[np.bool_], colour: str, label: str) -> None:
-    """Draw a curve, solid where stable and dashed where not."""
+def draw_branches(
+    axes: Axes, x: Array, y: Array, stable: NDArray[np.bool_], label: str | None = None, **style: Any
+) -> None:
+    """Draw a curve, in its style where stable and dashed where not."""
     solid, dashed = np.where(stable, y, np.nan), np.where(stable, np.nan, y)
     edges = np.flatnonzero(stable[1:] != stable[:-1])
     dashed[edges], dashed[edges + 1] = y[edges], y[edges + 1]
-    axes.plot(x, solid, color=colour, label=label or None)
-    axes.plot(x, dashed, color=colour, linestyle=UNSTABLE_DASH, linewidth=1.0)
+    axes.plot(x, solid, label=label or None, **style)
+    axes.plot(x, dashed, **style | {"linestyle": UNSTABLE_DASH, "lw": 1.0, "marker": ""})
 
 
 def _legend(axes: Axes, kinds: set[str], unstable: bool) -> None:

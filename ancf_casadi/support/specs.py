@@ -40,6 +40,10 @@ NOUNS = {"float": "a number", "int": "a whole number", "str": "a text", "bool": 
          "object": "a table", "null": "null"}  # fmt: skip
 
 
+class FieldError(InputError, ValueError):
+    """An error of a specification that checks itself, to which msgspec adds its path in a document."""
+
+
 class Spec(Struct, frozen=True, forbid_unknown_fields=True):
     """A table whose only keys are its fields."""
 

@@ -33,7 +33,7 @@ from ancf_casadi.export import (
 from ancf_casadi.export.fmu import FmuKind
 from ancf_casadi.support.files import check_folder, read_json
 from ancf_casadi.support.inputs import error_prefix
-from problems.command.output import Output, add_options, comma_numbers, finite, new_files, positive_count
+from problems.command.output import Output, add_options, comma_numbers, finite, new_files, option_values, positive_count
 from problems.spec.beam import read_damped_beam
 
 FORMATS = {
@@ -106,7 +106,7 @@ def run_export(options: argparse.Namespace) -> Output:
             raise InputError(f"does not apply to {options.format}; leave it out, or choose another format", f"--{name}")
     beam: ExportedBeam | None = None
     if options.format in SIMULATORS:
-        settings = {name: value for name in SIMULATOR_OPTIONS if (value := getattr(options, name)) is not None}
+        settings = option_values(options, SIMULATOR_OPTIONS)
         beam = SIMULATORS[options.format](source.model, options.out, damping=source.damping, **settings)
     paths = [options.out] if beam else _export(source, options)
     files = [{"path": str(path), "bytes": path.stat().st_size} for path in paths]

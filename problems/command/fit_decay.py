@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Callable, Sequence
-from functools import partial
 from pathlib import Path
 from typing import Any, get_args
 
@@ -28,6 +27,7 @@ from problems.command.output import (
     file_writers,
     finite,
     new_files,
+    option_values,
     positive_count,
     result_output,
 )
@@ -43,7 +43,8 @@ from problems.decay.fitting import fit_decay, fit_decays
 from problems.decay.law_curve import amplitude_table
 from problems.decay.laws import Law
 from problems.decay.mode_separation import MAX_DECAY_MODES, IsolatedMode, fit_modes, isolate_mode
-from problems.decay.result import DecayFit
+
+LAWS = ("law", "frequency_law", "rest")  # options that choose the laws of a mode
 
 
 def add_fit_decay(parser: argparse.ArgumentParser) -> None:
@@ -88,9 +89,11 @@ def run_fit_decay(options: argparse.Namespace) -> Output:
     _check(options)
     _check_outputs(options, len(options.files))
     if options.quantity == "amplitude":
-        record = read_record(options.files[0], options)
+        record, settings = (
+            read_record(options.files[0], options),
+            option_values(options, ("law", "frequency", "robust")),
+        )
         with error_prefix(options.files[0]):
-            settings = {"law": options.law, "frequency": options.frequency, "robust": options.robust}
             return result_output(fit_decay(record, quantity="amplitude", **settings), options.plot)
     times = releases(options, len(options.files))
     records = [read_record(path, options) for path in options.files]
@@ -145,8 +148,7 @@ def _check(options: argparse.Namespace) -> None:
 
 def _automatic(options: argparse.Namespace) -> str:
     """Return the first option that asks to compare laws, with its value; empty if there is none."""
-    laws = {"law": options.law, "frequency-law": options.frequency_law, "rest": options.rest}
-    return next((f"--{name} auto" for name, law in laws.items() if law == "auto"), "")
+    return next((f"--{name.replace('_', '-')} auto" for name in LAWS if getattr(options, name) == "auto"), "")
 
 
 def _fit(
@@ -155,22 +157,19 @@ def _fit(
     times: Sequence[float | None],
     isolated: Sequence[IsolatedMode],
 ) -> Output:
-    laws = {"law": options.law, "frequency_law": options.frequency_law, "rest": options.rest}
-    extra: dict[str, Any] = {}
+    settings, extra = option_values(options, (*LAWS, "robust")), dict[str, Any]()
     with error_prefix(", ".join(options.files)):
         if _automatic(options):
-            comparison = compare_decay_laws(records[0], release_time=times[0], **comparison_arguments(**laws))
-            fits, text = [comparison.best], comparison.report()
-            extra["comparison"] = comparison.to_dict()
+            laws = comparison_arguments(*(getattr(options, name) for name in LAWS))
+            comparison = compare_decay_laws(records[0], release_time=times[0], **laws)
+            fits, text, extra = [comparison.best], comparison.report(), {"comparison": comparison.to_dict()}
+        elif len(records) == 1:
+            fits = [fit_decay(records[0], release_time=times[0], **settings)]
+            text = fits[0].report()
         else:
-            laws = {name: law or "constant" for name, law in laws.items()}
-            if len(records) == 1:
-                fits = [fit_decay(records[0], release_time=times[0], robust=options.robust, **laws)]
-                text = fits[0].report()
-            else:
-                release_times = [time for time in times if time is not None]
-                takes = fit_decays(records, release_times=release_times or None, robust=options.robust, **laws)
-                fits, text, extra = list(takes), takes.report(), takes.to_dict()
+            release_times = [time for time in times if time is not None]
+            takes = fit_decays(records, release_times=release_times or None, **settings)
+            fits, text, extra = list(takes), takes.report(), takes.to_dict()
     lines = [
         f"  subtracted from {path}: {', '.join(f'{subtracted.frequency:.4g}' for subtracted in mode.others)} Hz"
         for path, mode in zip(options.files, isolated, strict=bool(isolated))
@@ -180,15 +179,11 @@ def _fit(
     if isolated:
         extra["subtracted_hz"] = [[subtracted.frequency for subtracted in mode.others] for mode in isolated]
     files: list[Callable[[], object]] = []
-    for plot, fit in zip(_numbered_modes(options.plot, len(fits)), fits, strict=True):
+    plots, curves = _numbered_modes(options.plot, len(fits)), _numbered_modes(options.curve, len(fits))
+    for fit, plot, curve in zip(fits, plots, curves, strict=True):
         files += figure_writers(plot, fit.figure)
-    for curve, fit in zip(_numbered_modes(options.curve, len(fits)), fits, strict=True):
-        files += file_writers(curve, partial(_curve, fit))
+        files += file_writers(curve, lambda fit=fit: amplitude_table(fit).csv())  # type: ignore[misc]
     return Output(lambda: fits[0].to_dict() | extra, lambda: "\n".join([text, *lines]), files)
-
-
-def _curve(fit: DecayFit) -> str:
-    return amplitude_table(fit).csv()
 
 
 def _numbered_modes(path: Path | None, count: int) -> list[Path | None]:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 from dataclasses import replace
-from typing import get_args
 
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.records.layout import LAYOUT_KEYS, TableLayout
@@ -20,6 +19,7 @@ from problems.command.output import (
     comma_numbers,
     finite,
     new_files,
+    option_values,
     positive_count,
     result_output,
 )
@@ -30,8 +30,20 @@ from problems.frf.record import FrfRecord
 from problems.spec.record_files import ChannelSpec, CurveFileSpec
 
 TIME_KEYS = ("time", "time_unit", "sample_rate")
-ESTIMATE_KEYS = ("estimator", "excitation", "window", "time_constant", "block", "overlap")
 COLUMN_KEYS = ("column", "frequency", "phase", "unit", "phase_unit")
+FIT_OPTIONS = {  # of ``fit_frf``
+    "modes": (positive_count, "N", "number of modes (default: as many as show)"),
+    "frequencies": (comma_numbers, "HZ,...", "approximate frequencies of the modes, instead"),
+    "band": (comma_numbers, "LOW,HIGH", "frequencies to fit (Hz; default: all)"),
+}
+ESTIMATE_OPTIONS = {  # of ``frf_of``
+    "estimator": (Estimator, "NAME", "H1 for noise of the response (default), H2 for noise of the force, Hv for both"),
+    "excitation": (Excitation, "NAME", "default: as the force shows"),
+    "window": (Window, "NAME", "of the blocks under a shaker (default: hann)"),
+    "time_constant": (finite, "S", "time constant of an exponential window after hits (default: none)"),
+    "block": (finite, "S", "length of a block (default: to the next hit; 20 blocks under a shaker)"),
+    "overlap": (finite, "SHARE", "overlap of the blocks under a shaker (default: 0.5)"),
+}
 
 
 def add_fit_frf(parser: argparse.ArgumentParser) -> None:
@@ -43,35 +55,14 @@ def add_fit_frf(parser: argparse.ArgumentParser) -> None:
         "that inspect lists: the hits or blocks of all files are averaged"
     )
     parser.add_argument("files", metavar="FILE", nargs="+", help="file of frequency response functions, or over time")
-    kinds = get_args(FrfKind)
-    parser.add_argument(
-        "--kind", choices=kinds, metavar="KIND", help=f"{', '.join(kinds)} (default: as the unit tells)"
-    )
-    add_options(
-        parser,
-        modes=(positive_count, "N", "number of modes (default: as many as show)"),
-        frequencies=(comma_numbers, "HZ,...", "approximate frequencies of the modes, instead"),
-        band=(comma_numbers, "LOW,HIGH", "frequencies to fit (Hz; default: all)"),
-    )
+    add_options(parser, kind=(FrfKind, "KIND", "as the unit tells, if not given"), **FIT_OPTIONS)
     add_plot(parser, "draw the functions and the fit")
     add_keys(parser.add_argument_group("reading the file"), CurveFileSpec, *COLUMN_KEYS, *LAYOUT_KEYS)
     group = parser.add_argument_group("force and response over time")
     group.add_argument("--force", metavar="NAME|N", help="column of the force")
     group.add_argument("--response", type=columns, metavar="NAME|N,...", help="columns of the responses")
     add_keys(group, ChannelSpec, *TIME_KEYS)
-    for name, literal, text in (
-        ("estimator", Estimator, "H1 for noise of the response (default), H2 for noise of the force, Hv for both"),
-        ("excitation", Excitation, "default: as the force shows"),
-        ("window", Window, "of the blocks under a shaker (default: hann)"),
-    ):
-        choices = get_args(literal)
-        group.add_argument(f"--{name}", choices=choices, metavar="NAME", help=f"{', '.join(choices)}: {text}")
-    add_options(
-        group,
-        time_constant=(finite, "S", "time constant of an exponential window after hits (default: none)"),
-        block=(finite, "S", "length of a block (default: to the next hit; 20 blocks under a shaker)"),
-        overlap=(finite, "SHARE", "overlap of the blocks under a shaker (default: 0.5)"),
-    )
+    add_options(group, **ESTIMATE_OPTIONS)
 
 
 def run_fit_frf(options: argparse.Namespace) -> Output:
@@ -81,7 +72,7 @@ def run_fit_frf(options: argparse.Namespace) -> Output:
         raise InputError("must be two frequencies LOW,HIGH", "--band")
     over_frequency = options.force is None
     other_keys = *(key for key in COLUMN_KEYS if key != "unit"), "imaginary"
-    over_time = given_options(options, "response", *TIME_KEYS, *ESTIMATE_KEYS)
+    over_time = given_options(options, "response", *TIME_KEYS, *ESTIMATE_OPTIONS)
     refuse_combinations({
         "--force": (not over_frequency, "reads records over time", given_options(options, *other_keys)),
         **{option: (given, "belongs to records over time", {"functions over frequency; give --force": over_frequency})
@@ -89,17 +80,14 @@ def run_fit_frf(options: argparse.Namespace) -> Output:
     })  # fmt: skip
     record = _read_functions(options) if over_frequency else _estimate_functions(options)
     with error_prefix(", ".join(options.files)):
-        fit = fit_frf(record, modes=options.modes, frequencies=options.frequencies, band=options.band)
+        fit = fit_frf(record, **option_values(options, FIT_OPTIONS))
     return result_output(fit, options.plot)
 
 
 def _read_functions(options: argparse.Namespace) -> FrfRecord:
     """Read functions over frequency."""
-    reading = {name: getattr(options, name) for name in COLUMN_KEYS}
-    layout = TableLayout.of(vars(options))
-    records = [
-        FrfRecord.from_file(path, options.kind, layout=layout, progress=True, **reading) for path in options.files
-    ]
+    reading = {"layout": TableLayout.of(vars(options)), **option_values(options, COLUMN_KEYS)}
+    records = [FrfRecord.from_file(path, options.kind, progress=True, **reading) for path in options.files]
     with error_prefix(", ".join(options.files)):
         return records[0] if len(records) == 1 else FrfRecord.stacked(records)
 
@@ -113,15 +101,14 @@ def _estimate_functions(options: argparse.Namespace) -> FrfRecord:
         raise InputError(f"must be units of response and force, such as g/N, got {options.unit!r}", "--unit")
     forces, responses = [], []
     for path in options.files:
-        times = {name: getattr(options, name) for name in TIME_KEYS}
+        times = option_values(options, TIME_KEYS)
         recording = read_recording(path, layout=TableLayout.of(vars(options)), progress=True, **times)
         symbol = recording.channel(options.force).symbol
         sensor = None if symbol or force_unit else Sensor("force")
         forces.append(Measurement.from_recording(recording, options.force, unit=force_unit or None, sensor=sensor))
         unit = response_unit.strip("()") or None
         responses.append([Measurement.from_recording(recording, name, unit=unit) for name in options.response])
-    settings = {name: getattr(options, name) for name in ESTIMATE_KEYS if getattr(options, name) is not None}
     with error_prefix(", ".join(options.files)):
-        record = frf_of(forces, responses, kind=options.kind, **settings)
+        record = frf_of(forces, responses, kind=options.kind, **option_values(options, ESTIMATE_OPTIONS))
         notes = dict.fromkeys(note for takes in (forces, *responses) for take in takes for note in take.notes)
     return replace(record, notes=(*notes, *record.notes))

@@ -9,8 +9,8 @@ from ancf_casadi.exceptions import InputError
 from ancf_casadi.support.inputs import error_prefix
 from problems.beam.curves.record import ResponseRecord
 from problems.command.fit_decay import add_law_options
-from problems.command.output import Output, add_options, add_plot, finite, new_files, result_output
-from problems.command.record_options import add_record_options, check_no_record_options, read_record, releases
+from problems.command.output import Output, add_options, add_plot, finite, new_files, option_values, result_output
+from problems.command.record_options import RECORD_KEYS, add_record_options, given_options, read_record, releases
 from problems.mode.fitting import fit_mode
 from problems.spec.records import read_curves
 
@@ -41,7 +41,9 @@ def run_fit_mode(options: argparse.Namespace) -> Output:
     tables = [path for path in options.files if Path(path).suffix.lower() == ".toml"]
     files = [path for path in options.files if path not in tables]
     if not files:
-        check_no_record_options(options, "give the file of a decay too, or leave it out")
+        for name, given in given_options(options, *RECORD_KEYS).items():
+            if given:
+                raise InputError("belongs to the file of a record; give the file of a decay too, or leave it out", name)
     curves = [curve for path in tables for curve in read_curves(path)]
     if options.frequency is not None and not options.curve:
         raise InputError("names a column of --curve; give its files there, or leave it out", "--frequency")
@@ -55,6 +57,6 @@ def run_fit_mode(options: argparse.Namespace) -> Output:
         fit = fit_mode(
             [*decays, *curves],
             release_times=[time for time in times if time is not None] or None,
-            **{name: getattr(options, name) for name in ("law", "frequency_law", "modal_constant", "rest", "robust")},
+            **option_values(options, ("law", "frequency_law", "modal_constant", "rest", "robust")),
         )
     return result_output(fit, options.plot)

@@ -5,10 +5,10 @@ from __future__ import annotations
 import argparse
 import math
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.support.figures import Figure
@@ -54,10 +54,19 @@ def comma_numbers(text: str) -> tuple[float, ...]:
         raise argparse.ArgumentTypeError(f"must be numbers separated by commas, got {text!r}") from None
 
 
-def add_options(parser: argparse._ActionsContainer, **options: tuple[Callable[[str], Any], str, str]) -> None:
-    """Add options that take one value, each by its type, the placeholder of its value, and its help."""
+def add_options(parser: argparse._ActionsContainer, **options: tuple[Any, str, str]) -> None:
+    """Add options that take one value, each by its type or the Literal of its values, a placeholder, and its help."""
     for name, (kind, metavar, about) in options.items():
-        parser.add_argument(f"--{name.replace('_', '-')}", type=kind, metavar=metavar, help=about)
+        values = get_args(kind)
+        settings = (
+            {"choices": values, "help": f"{', '.join(values)}: {about}"} if values else {"type": kind, "help": about}
+        )
+        parser.add_argument(f"--{name.replace('_', '-')}", metavar=metavar, **settings)
+
+
+def option_values(options: argparse.Namespace, names: Iterable[str]) -> dict[str, Any]:
+    """Return the values of options that are given, by name."""
+    return {name: value for name in names if (value := getattr(options, name)) is not None}
 
 
 def add_plot(parser: argparse.ArgumentParser, about: str) -> None:

@@ -17,7 +17,7 @@ from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.records.sensor import Sensor
 from ancf_casadi.support.inputs import error_prefix
 from ancf_casadi.support.specs import alternatives, listed_fields
-from problems.command.output import comma_numbers, finite, positive_count
+from problems.command.output import add_options, comma_numbers, finite, option_values, positive_count
 from problems.spec.record_files import ChannelSpec, SensorSpec
 
 MOST_LINES = 100_000  # lines that an option may leave out
@@ -61,18 +61,16 @@ def add_record_options(parser: argparse.ArgumentParser, *, part: bool = True) ->
         return
     group = parser.add_argument_group("choosing the part to fit")
     add_keys(group, ChannelSpec, "begin", "end")
-    text = "keep every N-th sample from the release on; the filter against aliasing takes 13 of those at either end"
-    group.add_argument("--decimate", type=positive_count, metavar="N", help=text)
-    text = "start of the free decay, s, if not to be detected; with several files S,S,... gives one each"
-    group.add_argument("--release-time", type=comma_numbers, metavar="S", help=text)
+    decimate = "keep every N-th sample from the release on; the filter against aliasing takes 13 of those at either end"
+    release = "start of the free decay, s, if not to be detected; with several files S,S,... gives one each"
+    add_options(group, decimate=(positive_count, "N", decimate), release_time=(comma_numbers, "S", release))
 
 
 def read_record(path: str, options: argparse.Namespace) -> Measurement:
     """Read a file with the options of the command, and cut out the part to use."""
     sensor = None if options.sensor is None else Sensor(options.sensor)
-    reading = {name: getattr(options, name) for name in READING_KEYS}
-    layout = TableLayout.of(vars(options))
-    record = Measurement.from_file(path, sensor=sensor, layout=layout, progress=True, **reading)
+    reading = {"layout": TableLayout.of(vars(options)), **option_values(options, READING_KEYS)}
+    record = Measurement.from_file(path, sensor=sensor, progress=True, **reading)
     with error_prefix(f"{path}: --begin, --end"):
         record = record.cut(options.begin, options.end)
     if options.decimate is None:
@@ -124,10 +122,3 @@ def refuse_combinations(excluded: Mapping[str, tuple[bool, str, Mapping[str, boo
         for name, present in others.items():
             if given and present:
                 raise InputError(f"{action}; it does not go with {name}", option)
-
-
-def check_no_record_options(options: argparse.Namespace, instead: str) -> None:
-    """Refuse the options of a record where there is none, and say what to do ``instead``."""
-    for option, given in given_options(options, *RECORD_KEYS).items():
-        if given:
-            raise InputError(f"belongs to the file of a record; {instead}", option)

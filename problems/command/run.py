@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from problems.command.output import Output, positive_count
 
 if TYPE_CHECKING:
-    from problems.study.study import StudyReport
+    from problems.study.step import Study
 
 
 def add_run(parser: argparse.ArgumentParser) -> None:
@@ -59,29 +59,27 @@ def _add_options(parser: argparse.ArgumentParser, *, out: Path | None, files: st
 
 def run_run(options: argparse.Namespace) -> Output:
     """Run a study."""
-    from problems.study.study import run_study  # slow to import, and only needed here
-
-    words = (options.file, *options.steps)
-    return _output(run_study(options.file, options.out, steps=options.steps, **_settings(options, *words)))
+    return _run_study(options, options.file, options.file, *options.steps)
 
 
 def run_reproduce(options: argparse.Namespace) -> Output:
     """Run the study of the paper."""
     from problems.paper.reproduce import PAPER  # slow to import, and only needed here
-    from problems.study.study import write_study
 
-    return _output(write_study(PAPER, options.out, executor=None, **_settings(options)))
-
-
-def _settings(options: argparse.Namespace, *words: str) -> dict[str, Any]:
-    command = ["ancf-casadi", options.title, *words, *["--quick"] * options.quick]
-    return {
-        "quick": options.quick,
-        "jobs": options.jobs,
-        "progress": sys.stderr.isatty(),
-        "command": " ".join(command),
-    }
+    return _run_study(options, PAPER)
 
 
-def _output(report: StudyReport) -> Output:
+def _run_study(options: argparse.Namespace, study: str | Study, *words: str) -> Output:
+    """Run a study; ``words`` are its file and the names of steps, as they were typed."""
+    from problems.study.study import run_study  # slow to import, and only needed here
+
+    report = run_study(
+        study,
+        options.out,
+        steps=words[1:],
+        quick=options.quick,
+        jobs=options.jobs,
+        progress=sys.stderr.isatty(),
+        command=" ".join(["ancf-casadi", options.title, *words, *["--quick"] * options.quick]),
+    )
     return Output(report.to_dict, lambda: "\n\n".join([report.report(), *([str(report.page)] if report.page else [])]))

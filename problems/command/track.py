@@ -12,7 +12,16 @@ from ancf_casadi.records.channel import Recording
 from ancf_casadi.records.video.recording import marker_table, track_video
 from ancf_casadi.support.arrays import root_mean_square
 from ancf_casadi.support.tables import Table
-from problems.command.output import Output, add_options, comma_numbers, file_writers, finite, new_files, positive_count
+from problems.command.output import (
+    Output,
+    add_options,
+    comma_numbers,
+    file_writers,
+    finite,
+    new_files,
+    option_values,
+    positive_count,
+)
 
 ADVICE = """\
 places in the picture are columns and rows in pixels, from the first pixel at 0,0;
@@ -56,7 +65,7 @@ def run_track(options: argparse.Namespace) -> Output:
         options.file,
         markers=options.marker,
         preview=options.preview,
-        **{name: getattr(options, name) for name in OPTIONS},
+        **option_values(options, OPTIONS),
     )
     columns = {channel.name: channel.values for channel in recording.channels}
     data = {"file": options.file, "time_s": recording.time, **columns, "notes": recording.notes}

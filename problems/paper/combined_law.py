@@ -28,7 +28,7 @@ A. C. Aitken, On least squares and linear combination of observations, Proceedin
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -41,7 +41,7 @@ from ancf_casadi.damping.law import SumOfLaws
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.figures import COMPUTED, MEASURED, Figure
-from ancf_casadi.support.tables import Cell, Table, finite_or_none
+from ancf_casadi.support.tables import Table, finite_or_none
 from ancf_casadi.vibration.modes import Modes, natural_modes
 from problems.paper import table_04
 from problems.paper.air import Air, implied_drag_coefficient, viscous_damping_ratios
@@ -73,9 +73,8 @@ all of them. The viscosity of the air explains a small part of the linear dampin
 def combined_law(compute: Compute) -> Finding:
     """Return the law, the drag coefficients, and the damping ratio against amplitude."""
     fit, modes = fit_to_decays(compute)
-    beam = modes.model.beam
-    drag = drag_numbers(fit, modes, AIR)
-    total = implied_drag_coefficient(fit.eta2, beam, AIR, eta2_error=np.nan_to_num(fit.errors[-1]))
+    total = implied_drag_coefficient(fit.eta2, modes.model.beam, AIR, eta2_error=np.nan_to_num(fit.errors[-1]))
+    drag, drag_table = _drag(fit, modes)
     data = {"law": _law_numbers(fit, *total), "drag": drag}
     curves = []  # of each mode: amplitudes, and the ratios under each law, which are straight in the amplitude
     for n, largest in enumerate(AMPLITUDES):
@@ -87,8 +86,12 @@ def combined_law(compute: Compute) -> Finding:
         (f"η2 of the beam by each mode alone, and one value for all.{synthetic}", _eta2_figure, fit),
         (f"Damping ratio of each mode against its amplitude under each law.{synthetic}", _ratio_figure, curves),
     )
-    tables = (_law_table(fit, *total), _drag_table(fit, drag))
-    return Finding(data, tables, figures, fit.warnings)
+    rows = [(f"ζ of mode {n}, linear", "%", 100 * ratio) for n, ratio in enumerate(fit.ratios, start=1)]
+    rows += [("η2, all modes", "1/m", fit.eta2), ("drag coefficient", "1", total[0])]
+    errors = {"value": [*100 * fit.errors[:-1], fit.errors[-1], total[1]]}
+    title = "Modal plus quadratic damping for all modes"
+    law_table = study_table(title, ("", "unit", "value"), rows, fit.verdict, errors=errors)
+    return Finding(data, (law_table, drag_table), figures, fit.warnings)
 
 
 def fit_to_decays(compute: Compute) -> tuple[CombinedLawFit, Modes]:
@@ -204,21 +207,6 @@ def ratio_curves(choice: LawChoice, modes: Modes, amplitudes: Sequence[float] | 
     return np.array([law.damping_ratios(modes, np.full(modes.count, amplitude)) for amplitude in amplitudes])
 
 
-def drag_numbers(fit: CombinedLawFit, modes: Modes, air: Air) -> list[dict[str, Any]]:
-    """Return drag coefficient and viscous damping of each mode, for ``results.json``."""
-    eta2, eta2_errors = fit.coefficients[:, 1], fit.coefficient_errors[:, 1]
-    drag, errors = implied_drag_coefficient(eta2, modes.model.beam, air, eta2_error=eta2_errors)
-    columns = {
-        "mode": np.arange(1, len(eta2) + 1),
-        "drag_coefficient": drag / fit.drag_constants,
-        "drag_coefficient_stderr": errors / fit.drag_constants,
-        "drag_coefficient_by_eq_25": drag,
-        "viscous_damping_ratio": viscous_damping_ratios(modes, air),
-    }
-    rows = zip(*(column.tolist() for column in columns.values()), strict=True)
-    return [dict(zip(columns, row, strict=True)) for row in rows]
-
-
 def _law_numbers(fit: CombinedLawFit, drag: float, drag_error: float) -> dict[str, Any]:
     *ratio_errors, eta2_error = map(finite_or_none, fit.errors.tolist())
     return {
@@ -237,31 +225,32 @@ def _law_numbers(fit: CombinedLawFit, drag: float, drag_error: float) -> dict[st
     }
 
 
-def _law_table(fit: CombinedLawFit, drag: float, drag_error: float) -> Table:
-    rows = [(f"ζ of mode {n}, linear", "%", 100 * ratio) for n, ratio in enumerate(fit.ratios, start=1)]
-    rows += [("η2, all modes", "1/m", fit.eta2), ("drag coefficient", "1", drag)]
-    errors = {"value": [*100 * fit.errors[:-1], fit.errors[-1], drag_error]}
-    title = "Modal plus quadratic damping for all modes"
-    return study_table(title, ("", "unit", "value"), rows, fit.verdict, errors=errors)
-
-
-def _drag_table(fit: CombinedLawFit, rows: Sequence[Mapping[str, Any]]) -> Table:
-    rates = 4 * math.pi * fit.frequencies  # 1/s, of eta1 per damping ratio
-    by_shape = np.array([row["drag_coefficient_stderr"] for row in rows])
-    columns: dict[str, Sequence[Cell]] = {
-        "mode": [row["mode"] for row in rows],
-        "η2, 1/m": fit.coefficients[:, 1].tolist(),
-        "Cd by Eq. (25), 1": [row["drag_coefficient_by_eq_25"] for row in rows],
-        "Cd, true shape, 1": [row["drag_coefficient"] for row in rows],
-        "linear part of ζ, %": (100 * fit.coefficients[:, 0] / rates).tolist(),
-        "of it viscous air, %": [100 * row["viscous_damping_ratio"] for row in rows],
-        "Cd of η2 in the paper, 1": implied_drag_coefficient(np.array(ETA2), STANDARD_BEAM, AIR)[0].tolist(),
+def _drag(fit: CombinedLawFit, modes: Modes) -> tuple[list[dict[str, Any]], Table]:
+    """Return drag coefficient and viscous damping of each mode, for ``results.json`` and as a table."""
+    (eta1, eta2), (eta1_errors, eta2_errors) = fit.coefficients.T, fit.coefficient_errors.T
+    drag, drag_errors = implied_drag_coefficient(eta2, modes.model.beam, AIR, eta2_error=eta2_errors)
+    numbers = {
+        "mode": np.arange(1, len(eta2) + 1),
+        "drag_coefficient": drag / fit.drag_constants,
+        "drag_coefficient_stderr": drag_errors / fit.drag_constants,
+        "drag_coefficient_by_eq_25": drag,
+        "viscous_damping_ratio": viscous_damping_ratios(modes, AIR),
+    }
+    percent = 100 / (4 * math.pi * fit.frequencies)  # of the damping ratio per eta1
+    columns = {
+        "mode": numbers["mode"],
+        "η2, 1/m": eta2,
+        "Cd by Eq. (25), 1": drag,
+        "Cd, true shape, 1": numbers["drag_coefficient"],
+        "linear part of ζ, %": percent * eta1,
+        "of it viscous air, %": 100 * numbers["viscous_damping_ratio"],
+        "Cd of η2 in the paper, 1": implied_drag_coefficient(np.array(ETA2), STANDARD_BEAM, AIR)[0],
     }
     errors = {
-        "η2, 1/m": fit.coefficient_errors[:, 1].tolist(),
-        "Cd by Eq. (25), 1": (by_shape * fit.drag_constants).tolist(),
-        "Cd, true shape, 1": by_shape.tolist(),
-        "linear part of ζ, %": (100 * fit.coefficient_errors[:, 0] / rates).tolist(),
+        "η2, 1/m": eta2_errors.tolist(),
+        "Cd by Eq. (25), 1": drag_errors.tolist(),
+        "Cd, true shape, 1": numbers["drag_coefficient_stderr"].tolist(),
+        "linear part of ζ, %": (percent * eta1_errors).tolist(),
     }
     notes = (
         "Cd = 2 ρ h η2 (1183/876)/ρ_air, with the constant of the shape (21), and with that of each mode.",
@@ -269,8 +258,12 @@ def _drag_table(fit: CombinedLawFit, rows: Sequence[Mapping[str, Any]]) -> Table
         "around a thin strip at amplitudes below its width (Sader 1998).",
         "Printed η2: with the beam of the study before any change.",
     )
-    cells = zip(*columns.values(), strict=True)
-    return study_table("Drag coefficient and viscous damping", [*columns], cells, *notes, errors=errors)
+    data = [dict(zip(numbers, row, strict=True)) for row in _rows(numbers)]
+    return data, study_table("Drag coefficient and viscous damping", [*columns], _rows(columns), *notes, errors=errors)
+
+
+def _rows(columns: Mapping[str, Array]) -> Iterator[tuple[Any, ...]]:
+    return zip(*(column.tolist() for column in columns.values()), strict=True)
 
 
 def _eta2_figure(fit: CombinedLawFit) -> Figure:

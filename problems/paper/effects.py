@@ -47,7 +47,6 @@ from ancf_casadi.mechanics.model import Model
 from ancf_casadi.mechanics.nodes import NODE
 from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.support.arrays import Array, maxima
-from ancf_casadi.support.figures import Axes
 from ancf_casadi.support.tables import finite_or_none
 from ancf_casadi.vibration.equilibrium import Equilibrium
 from ancf_casadi.vibration.modes import Modes, natural_modes
@@ -229,12 +228,6 @@ def ratios_over_time(decay: SimulatedDecay) -> tuple[Array, Array, Array]:
     curve = damping_curve(Measurement(decay.time, decay.tip), release_time=float(decay.time[0]))
     inputs = decay.law.eta1, decay.law.eta2, 2 * math.pi * decay.frequency, decay.formula.at(curve.time)
     return curve.time, curve.damping_ratio, equivalent_damping_ratio(*map(cs.DM, inputs)).full().ravel()
-
-
-def draw_markers(axes: Axes, x: Array, y: Array, count: int, **style: Any) -> None:
-    """Draw markers at evenly chosen points of a curve."""
-    chosen = np.unique(np.linspace(0, len(x) - 1, count).astype(int))
-    axes.plot(x[chosen], y[chosen], **style)
 
 
 def crossing(first: Envelope, second: Envelope) -> float:

@@ -26,7 +26,7 @@ STANDARD_BEAM = Beam.uniform(  # Table 1; Section 5.1
 
 FREQUENCIES = (1.85, 10.19, 26.84, 53.20, 88.60)  # Table 2
 RATIOS = (0.0100, 0.0028, 0.0028, 0.0023, 0.0030)  # Table 2
-PRINTED_RATIOS = (1.00, 0.28, 0.28, 0.23, 0.30)  # Tables 2 and 4, %
+PRINTED_RATIOS = tuple(round(100 * ratio, 2) for ratio in RATIOS)  # Tables 2, 4, 11 and 12, %
 ETA1 = (0.15, 0.31, 0.89, 1.46, 3.00)  # Table 4
 ETA2 = (0.11, 0.060, 0.050, 0.050, 0.050)  # Table 4
 AMPLITUDES = (0.076, 0.0149, 0.0076, 0.0055, 0.0144)  # of the tip, at which Eq. (26) gives the ratios of Table 4

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from problems.paper.inputs import matched_beam
+from problems.paper.inputs import STOPS, matched_beam
 from problems.paper.step import paper_step
 from problems.study.compute import Compute
 from problems.study.kinds.experiment import RequestedRun
@@ -11,7 +11,6 @@ from problems.study.step import Finding, LawChoice
 
 UNDAMPED = LawChoice("undamped", (), "undamped")
 AMPLITUDES = (0.076, 0.0040, 0.0015, 0.0007, 0.00045)  # m
-STOPS = (1.5, 2.0, 1.2, 1.0, 0.6)  # s
 
 
 @paper_step(
@@ -25,7 +24,7 @@ The same experiments without damping, for a tenth of the time: the remaining rat
 def numerical_damping(compute: Compute) -> Finding:
     """Return the damping ratio of each mode without a damping law."""
     runs = [
-        RequestedRun(mode, amplitude, stop, laws=(UNDAMPED,))
+        RequestedRun(mode, amplitude, stop / 10, laws=(UNDAMPED,))
         for mode, (amplitude, stop) in enumerate(zip(AMPLITUDES, STOPS, strict=True), start=1)
     ]
     return transients_finding(compute, matched_beam(compute), runs)

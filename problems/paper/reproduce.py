@@ -36,7 +36,7 @@ from problems.paper.tables_05_06 import eta_effects
 from problems.paper.tables_09_10 import frequency_matching
 from problems.paper.uniform_beam import uniform_beam
 from problems.study.step import Study
-from problems.study.study import StudyReport, write_study
+from problems.study.study import StudyReport, run_study
 
 PAPER = Study(
     title="Comparison of external damping models in a large deformation problem",
@@ -95,4 +95,4 @@ def reproduce(
     >>> report.page.name, report.results["frequency_matching"]["max_relative_error"] < 1e-6
     ('report.html', True)
     """
-    return write_study(PAPER, out, quick=quick, executor=executor, jobs=jobs, progress=progress, command="reproduce")
+    return run_study(PAPER, out, quick=quick, executor=executor, jobs=jobs, progress=progress, command="reproduce")

@@ -14,15 +14,18 @@ from typing import Any
 
 import numpy as np
 
+from ancf_casadi.dynamics.base_motion import HarmonicBase
 from ancf_casadi.mechanics.beam import Beam
 from ancf_casadi.mechanics.model import Model
+from ancf_casadi.reduction.reduced import reduce_model
 from ancf_casadi.reduction.stepping import ReducedTrajectory
+from ancf_casadi.response.tracing import frequency_response
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.figures import Figure
 from problems.paper.inputs import experiments, matched_beam, three_laws
 from problems.paper.step import paper_step
 from problems.spec.beam import make_law
-from problems.spec.motion import RESPONSE_MODES, ResponseSpec, ResponseTables
+from problems.spec.motion import RESPONSE_MODES, RESPONSE_TOLERANCE
 from problems.study.compute import Compute
 from problems.study.drawing import new_figure, series
 from problems.study.kinds.experiment import RequestedRun
@@ -113,15 +116,15 @@ def resonance(beam: Beam, terms: Terms, amplitude: float, frequencies: tuple[flo
     """Return the response curve under a base amplitude (m), and the amplitude of the driven mode along it."""
     model = Model(beam)
     law, count = make_law(terms, model, "damping"), max(RESPONSE_MODES, mode)
-    task = ResponseTables(model, law, ResponseSpec(frequencies, amplitude, points=24), count, {})
-    curve = task.curve(amplitude)
+    reduced, base = reduce_model(model, modes=count, damping=law), HarmonicBase(amplitude, frequencies[0])
+    curve = frequency_response(reduced, frequencies, base=base, points=24, tolerance=RESPONSE_TOLERANCE)
     amplitudes = []
     for motion in curve.motions:
         period = motion.trajectory(64)
         assert isinstance(period, ReducedTrajectory)
         coordinate = period.reduced.modes.modal_coordinate(period.relative_coordinates, mode - 1)
         amplitudes.append(np.ptp(coordinate) / 2)
-    return curve_numbers(task, curve), np.array(amplitudes)
+    return curve_numbers(curve, {}), np.array(amplitudes)
 
 
 def frequency_range(numbers: Mapping[str, Any]) -> tuple[float, float]:

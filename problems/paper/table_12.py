@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from problems.paper.inputs import ETA1, ETA2, GENERIC, QUADRATIC, experiments, matched_beam
+from problems.paper.inputs import ETA1, ETA2, GENERIC, PRINTED_RATIOS, QUADRATIC, experiments, matched_beam
 from problems.paper.step import paper_step
 from problems.study.compute import Compute
 from problems.study.kinds.transients import transients_finding
 from problems.study.step import Finding, LawChoice
 
 MODES = (2, 3, 4, 5, 1)  # in the order of the figures
-PRINTED = {2: 0.28, 3: 0.28, 4: 0.23, 5: 0.30, 1: 1.00}  # %, of each mode under its law
 
 
 def law_of_mode(mode: int) -> LawChoice:
@@ -37,5 +36,7 @@ def law_of_mode(mode: int) -> LawChoice:
 def individual_quadratic(compute: Compute) -> Finding:
     """Return the damping ratio of each mode under its own law, and under the generic law."""
     runs = [run for mode in MODES for run in experiments(GENERIC, law_of_mode(mode), modes=(mode,))]
-    printed = {law_of_mode(mode).name: [PRINTED[mode] if mode == row else None for row in MODES] for mode in MODES}
+    printed = {
+        law_of_mode(mode).name: [PRINTED_RATIOS[mode - 1] if mode == row else None for row in MODES] for mode in MODES
+    }
     return transients_finding(compute, matched_beam(compute), runs, printed, "paper")

@@ -18,10 +18,10 @@ from problems.paper.effects import (
     characteristics,
     decay_duration,
     decay_numbers,
-    draw_markers,
     simulate_decays,
 )
 from problems.paper.step import paper_step
+from problems.paper.table_07 import MARKER_SPACING
 from problems.study.compute import Compute
 from problems.study.drawing import band, draw_band, line, new_figure, series
 from problems.study.step import Finding, study_table
@@ -29,7 +29,6 @@ from problems.study.step import Finding, study_table
 LAWS = (QuadraticLaw("eta1_alone", "Quadratic 1", 2.0, 0.0), QuadraticLaw("eta2_alone", "Quadratic 2", 1e-9, 1.0))
 FREQUENCY, FREQUENCIES = 1.85, (1.0, 5.0, 20.0)  # Hz, of Figures 12 and 14, and of Figures 13 and 15
 AMPLITUDE, DURATION = 0.076, 15.0  # m, at the tip, and s
-ENVELOPE_MARKERS = 8  # of a drawn envelope
 
 CHARACTERISTICS = ("gross_motion", "frequency", "residual_motion")  # columns of Table 6
 PRINTED = (("rapid decay", "independent", "controllable"), ("slow decay", "dependent", "uncontrollable"))  # Table 6
@@ -121,14 +120,13 @@ def _word_table(words: Sequence[Mapping[str, Any]], horizon: float) -> Table:
 
 
 def _amplitudes_left(rows: Sequence[tuple[QuadraticLaw, SimulatedDecay]], times: Sequence[float]) -> Table:
-    heads = ["law", "frequency, Hz"]
-    cells: list[list[Cell]] = [[law.title, decay.frequency] for law, decay in rows]
-    for time in times:
-        heads += [f"after {time:g} s, beam, mm", "by Eq. (27), mm"]
-        for row, (_, decay) in zip(cells, rows, strict=True):
-            row += [_amplitude_left(envelope, time) for envelope in (decay.envelope, decay.formula)]
+    heads = [head for time in times for head in (f"after {time:g} s, beam, mm", "by Eq. (27), mm")]
+    cells: list[list[Cell]] = []
+    for law, decay in rows:
+        left = [_amplitude_left(envelope, time) for time in times for envelope in (decay.envelope, decay.formula)]
+        cells.append([law.title, decay.frequency, *left])
     note = f"The simulation does not resolve less than {1e3 * LEAST_AMPLITUDE:g} mm."
-    return study_table("Amplitude that is left", heads, cells, note)
+    return study_table("Amplitude that is left", ["law", "frequency, Hz", *heads], cells, note)
 
 
 def _amplitude_left(envelope: Envelope, time: float) -> float | str:
@@ -170,7 +168,7 @@ def _frequencies_figure(law: QuadraticLaw, decays: Sequence[SimulatedDecay], end
         axes.set_title(f"{law.title}, {decay.frequency:g} Hz")
         style = {**series(k), "linestyle": "", "ms": 5, "label": f"{decay.frequency:g} Hz"}
         resolved = np.where(decay.envelope.amplitude > LEAST_AMPLITUDE, 1e3 * decay.envelope.amplitude, np.nan)
-        draw_markers(envelopes, decay.envelope.time, resolved, ENVELOPE_MARKERS, **style)
+        envelopes.plot(decay.envelope.time, resolved, **style, markevery=MARKER_SPACING)
         envelopes.plot(decay.formula.time, 1e3 * decay.formula.amplitude, **line(k), lw=1)
     envelopes.set(xlabel="time, s", ylabel="amplitude, mm", yscale="log", xlim=(0.0, end))
     if min(decay.formula.amplitude[-1] for decay in decays) < LEAST_AMPLITUDE:

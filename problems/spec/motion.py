@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Annotated, Any, ClassVar, Literal, Self
 
@@ -32,7 +32,7 @@ from ancf_casadi.support.inputs import error_prefix, physical, shown, unit_vecto
 from ancf_casadi.support.specs import Pair, Positive, Spec, convert
 from ancf_casadi.vibration.equilibrium import Equilibrium
 from ancf_casadi.vibration.statics import static_equilibrium
-from problems.spec.beam import DampedBeam, read_damped_beam
+from problems.spec.beam import DampedBeam
 from problems.spec.file import StudyFile, convert_groups
 from problems.spec.record_files import ColumnName, FileSpec
 
@@ -311,20 +311,34 @@ class ResponseSpec(Spec, frozen=True):
     ] = RESPONSE_TOLERANCE
 
 
-@dataclass(frozen=True, eq=False)
-class ResponseTables:
+@dataclass(frozen=True)
+class ResponseTables(StepTables):
     """The arguments of ``frequency_response`` from a file, one curve per level of the excitation."""
 
-    model: Model
-    damping: DampingLaw | None
     table: ResponseSpec
     modes: int  # of the reduced model; 0 for the full beam
     markers: Mapping[str, float]  # arc length of each point to output, m
 
-    @property
-    def driven(self) -> str:
-        """Place of the excitation, "base" or "tip"."""
-        return "base" if self.table.base_amplitudes else "tip"
+    @classmethod
+    def of(cls, source: str | StudyFile) -> ResponseTables:
+        """Convert the tables of a file."""
+        file = StudyFile.of(source)
+        beam, where = DampedBeam.of(file), file.where("response")
+        table = convert(file.require("response"), ResponseSpec, where)
+        first, last = table.frequencies
+        if first == last:
+            raise InputError(f"must be [FROM, TO], two different values, got {first:g} twice", f"{where}: frequencies")
+        unit_vector(table.direction, f"{where}: direction")
+        if bool(table.base_amplitudes) == bool(table.tip_forces):
+            raise InputError("give either base_amplitudes (m) or tip_forces (N)", f"{where}: base_amplitudes")
+        freedoms = beam.model.freedoms
+        if table.model == "full":
+            if table.modes:
+                raise InputError("belongs to the reduced model; leave it out", f"{where}: modes")
+            modes = 0
+        else:
+            modes = whole(table.modes or min(RESPONSE_MODES, freedoms // 2), f"{where}: modes", 1, freedoms)
+        return cls(file, beam, table, modes, read_markers(file, beam.model))
 
     @property
     def levels(self) -> tuple[float, ...]:
@@ -340,12 +354,12 @@ class ResponseTables:
     @property
     def unit(self) -> str:
         """Unit of the levels."""
-        return "m" if self.driven == "base" else "N"
+        return "m" if self.table.base_amplitudes else "N"
 
     def excitation(self, level: float) -> dict[str, Any]:
         """Return the excitation of a level as the argument ``base`` or ``load`` of ``frequency_response``."""
         start, direction = self.table.frequencies[0], unit_vector(self.table.direction, "direction")
-        if self.driven == "base":
+        if self.table.base_amplitudes:
             return {"base": HarmonicBase(level, start, direction=direction)}
         return {"load": HarmonicLoad((level * direction[0], level * direction[1]), start)}
 
@@ -359,31 +373,3 @@ class ResponseTables:
             tolerance=self.table.tolerance,
             **self.excitation(level),
         )
-
-
-def read_response(source: str | StudyFile) -> ResponseTables:
-    """Read a beam, its damping, and its harmonic excitation over a range of frequencies."""
-    file = StudyFile.of(source)
-    return replace(convert_response(file), damping=read_damped_beam(file).damping)
-
-
-def convert_response(file: StudyFile) -> ResponseTables:
-    """Return what ``read_response`` does without the damping law, which may need the natural modes of the beam."""
-    model, where = DampedBeam.of(file).model, file.where("response")
-    table = convert(file.require("response"), ResponseSpec, where)
-    first, last = table.frequencies
-    if first == last:
-        raise InputError(f"must be [FROM, TO], two different values, got {first:g} twice", f"{where}: frequencies")
-    unit_vector(table.direction, f"{where}: direction")
-    if bool(table.base_amplitudes) == bool(table.tip_forces):
-        raise InputError("give either base_amplitudes (m) or tip_forces (N)", f"{where}: base_amplitudes")
-    return ResponseTables(model, None, table, _modes(table, model, f"{where}: modes"), read_markers(file, model))
-
-
-def _modes(table: ResponseSpec, model: Model, where: str) -> int:
-    """Return the number of modes of the reduced model; 0 for the full beam."""
-    if table.model == "full":
-        if table.modes:
-            raise InputError("belongs to the reduced model; leave it out", where)
-        return 0
-    return whole(table.modes, where, 1, model.freedoms) if table.modes else min(RESPONSE_MODES, model.freedoms // 2)

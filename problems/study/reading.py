@@ -72,8 +72,8 @@ def _suggest_steps(file: StudyFile, names: Sequence[str]) -> list[dict[str, Any]
     return [{"kind": kind} | ({"beam": "motion"} if kind in SUGGESTED_KEYS["beam"] else {}) for kind in kinds]
 
 
-def _laws(file: StudyFile) -> tuple[LawChoice, ...]:
-    """Return the laws of the tables [[laws]]."""
+def _laws(file: StudyFile) -> dict[str, LawChoice]:
+    """Return the laws of the tables [[laws]] by name."""
     where = file.where("laws")
     laws: dict[str, LawChoice] = {}
     for table in file.several("laws"):
@@ -87,7 +87,7 @@ def _laws(file: StudyFile) -> tuple[LawChoice, ...]:
             if not isinstance(term.get("step", ""), str):
                 raise InputError(f"must be the name of a step, got {shown(term['step'])}", f"{where}: {law.name}: step")
         laws[law.name] = law if law.title else replace(law, title=law.name)
-    return tuple(laws.values())
+    return laws
 
 
 def _named_tables(tables: Sequence[Any], where: str) -> dict[str, dict[str, Any]]:

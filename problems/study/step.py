@@ -23,7 +23,7 @@ from ancf_casadi.mechanics.model import Model
 from ancf_casadi.mechanics.spec import BeamSpec
 from ancf_casadi.mechanics.strain import StrainMeasures
 from ancf_casadi.support.figures import Figure
-from ancf_casadi.support.inputs import shown, whole
+from ancf_casadi.support.inputs import shown
 from ancf_casadi.support.specs import UNLISTED, convert
 from ancf_casadi.support.tables import Cell, Reported, Table
 from problems.spec.beam import read_beam
@@ -211,7 +211,7 @@ class Study:
     printed_by: Annotated[str, Meta(description="origin of printed numbers")] = "printed"
     seed: Annotated[int, UNLISTED] = 0  # of all random numbers
     file: Annotated[StudyFile, UNLISTED] = NO_FILE
-    laws: Annotated[tuple[LawChoice, ...], UNLISTED] = ()  # the tables [[laws]]
+    laws: Annotated[Mapping[str, LawChoice], UNLISTED] = field(default_factory=dict)  # the tables [[laws]] by name
     beam: Annotated[Beam | None, UNLISTED] = None  # of the file, if a step needs it
 
     @cached_property
@@ -229,14 +229,12 @@ class Study:
 
     def law_choice(self, name: Any, where: str) -> LawChoice:
         """Return a law by its name."""
-        for law in self.laws:
-            if law.name == name:
-                for term in law.terms:
-                    if "step" not in term:
-                        spec = convert(term, LawSpec, f"{where}: {name}")
-                        whole(len(getattr(spec, "ratios", ())), f"{where}: {name}: ratios", 0, self.model.freedoms)
-                return law
-        raise InputError(f"there is no law {shown(name)}; [[laws]] names them", where)
+        if not isinstance(name, str) or name not in self.laws:
+            raise InputError(f"there is no law {shown(name)}; [[laws]] names them", where)
+        for term in self.laws[name].terms:
+            if "step" not in term:
+                convert(term, LawSpec, f"{where}: {name}").check(self.model, f"{where}: {name}")
+        return self.laws[name]
 
     def shorten(self) -> Study:
         """Return the study of a quick look, without the steps that it leaves out, and without those that need them."""

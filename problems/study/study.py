@@ -23,6 +23,7 @@ from tempfile import TemporaryDirectory
 from types import NoneType
 from typing import Any
 
+from ancf_casadi.exceptions import InputError
 from ancf_casadi.support.files import check_folder, check_path, write_files
 from ancf_casadi.support.inputs import check_instance, flag, instances, whole
 from ancf_casadi.support.interrupts import lasting_interrupts
@@ -105,7 +106,7 @@ def study_schema() -> dict[str, Any]:
 
 @lasting_interrupts()
 def run_study(
-    path: str | Path,
+    path: str | Path | Study,
     out: str | Path | None = "results",
     *,
     steps: Sequence[str] = (),
@@ -121,16 +122,17 @@ def run_study(
 
     Parameters
     ----------
-    path : str or Path
-        TOML file of the study.
+    path : str, Path or Study
+        TOML file of the study; or a study that was read, such as ``problems.paper.reproduce.PAPER``.
     out : str or Path, optional
         Folder of the results; with None nothing is written or kept.
     steps : sequence of str
-        Names or kinds of the steps to run, with those that they need; all if empty.
+        Names or kinds of the steps of the file to run, with those that they need; all if empty.
     quick : bool
         Whether to shorten the simulations, for a first look.
     executor, jobs, progress
-        As in ``run_all``; with None for ``jobs``, all cores for more than a few steps.
+        As in ``run_all``; with None for ``jobs``, a few steps run in this process, which shows their progress, and more
+        on all cores.
     command : str
         Command that the document names.
 
@@ -151,30 +153,14 @@ def run_study(
     >>> round(report.results["rayleigh"]["alpha"], 6), report.page.name
     (0.228181, 'report.html')
     """
-    check_path(path, "path")
-    study = read_study(path, instances(steps, "steps", str, minimum=0))
-    return write_study(
-        study, out, keep_others=bool(steps), quick=quick, executor=executor, jobs=jobs, progress=progress,
-        command=command,
-    )  # fmt: skip
-
-
-@lasting_interrupts()
-def write_study(
-    whole_study: Study,
-    out: str | Path | None,
-    *,
-    keep_others: bool = False,
-    quick: bool,
-    executor: Executor | None,
-    jobs: int | None,
-    progress: bool,
-    command: str,
-) -> StudyReport:
-    """Run a study and write its document, as ``run_study`` does; results of other steps may be kept in the folder.
-
-    Without a number of jobs, a few steps run in this process, which shows their progress, and more on all cores.
-    """
+    names = instances(steps, "steps", str, minimum=0)
+    if isinstance(path, Study):
+        if names:
+            raise InputError("are chosen from a file; leave them out for a study that was read", "steps")
+        whole_study = path
+    else:
+        check_path(path, "path")
+        whole_study = read_study(path, names)
     check_instance(executor, "executor", Executor, NoneType)
     folder = None if out is None else check_folder(out)
     study = whole_study.shorten() if flag(quick, "quick") else whole_study
@@ -187,7 +173,7 @@ def write_study(
             folder or Path(stack.enter_context(TemporaryDirectory())),
             beam=study.beam,
             quick=quick,
-            keep_others=keep_others or quick,
+            keep_others=bool(names) or quick,
             formats=formats,
             executor=executor,
             jobs=whole(jobs, "jobs", 1),

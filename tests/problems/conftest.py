@@ -12,7 +12,7 @@ import pytest
 from ancf_casadi.support.tables import Table
 from problems.paper import inputs, table_11
 from problems.paper.reproduce import PAPER
-from problems.study.study import StudyReport, run_study, write_study
+from problems.study.study import StudyReport, run_study
 
 STRIP = """
 [beam]
@@ -143,4 +143,4 @@ def small_paper(tmp_path_factory) -> StudyReport:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(table_11, "experiments", short)
         patch.setattr(table_11, "PRINTED", {law: values[:1] for law, values in table_11.PRINTED.items()})
-        return write_study(study, tmp_path_factory.mktemp("paper") / "results", quick=True, **options)
+        return run_study(study, tmp_path_factory.mktemp("paper") / "results", quick=True, **options)

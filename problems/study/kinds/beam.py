@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import Annotated, Self, final
 
@@ -20,7 +19,7 @@ from ancf_casadi.mechanics.spec import BeamSpec
 from ancf_casadi.mechanics.supports import Clamp
 from ancf_casadi.support.inputs import error_prefix, whole
 from ancf_casadi.support.specs import UNLISTED, convert
-from ancf_casadi.support.tables import Cell, Table, to_json
+from ancf_casadi.support.tables import Table, to_json
 from ancf_casadi.vibration.modes import STATIONS, Modes, natural_modes
 from problems.matching.frequency_matching import match_frequencies
 from problems.matching.result import FrequencyMatch
@@ -71,13 +70,11 @@ def properties_finding(beam: Beam, origin: Finding = NO_FINDING) -> Finding:
     errors, rows = origin.errors or {}, _beam_rows(beam)
     scaled = tuple(scale * errors.get(name, math.nan) for name, _, scale in rows)
     guess = origin.guess.beam() if origin.guess else None
-    columns: dict[str, Sequence[Cell]] = {
-        "property": [name.replace("_", " ") for name, *_ in rows],
-        "unit": [unit for _, unit, _ in rows],
-        **({"guess": _means(guess)} if guess else {}),
-        "value": _means(beam),
-    }
-    varying = [name for name, *_ in rows[1:] if np.ptp(getattr(beam, name)) > 0.0]
+    beams = {"guess": guess, "value": beam} if guess else {"value": beam}
+    means = zip(*map(_means, beams.values()), strict=True)
+    cells = [(name.replace("_", " "), unit, *values) for (name, unit, _), values in zip(rows, means, strict=True)]
+    names = [name for name, *_ in rows[1:]]  # of properties that each element has
+    varying = [name for name in names if np.ptp(getattr(beam, name)) > 0.0]
     notes = [f"{beam.elements} elements; axis {beam.axis}, gravity {beam.gravity} m/s²."]
     if varying:
         notes.append(f"Means over the elements: {', '.join(varying).replace('_', ' ')} vary along the beam.")
@@ -91,13 +88,10 @@ def properties_finding(beam: Beam, origin: Finding = NO_FINDING) -> Finding:
     if beam.supports != (Clamp(),):
         notes.append(f"Supports: {', '.join(map(repr, beam.supports)) or 'none'}.")
     title = "Properties of the identified beam" if guess else "Properties of the beam"
-    cells = zip(*columns.values(), strict=True)
-    table = study_table(title, [*columns], cells, *notes, errors={"value": scaled} if errors else None)
+    heads = ("property", "unit", *beams)
+    table = study_table(title, heads, cells, *notes, errors={"value": scaled} if errors else None)
     data = {
-        **{
-            row: list(map(float, getattr(beam, row)))
-            for row in dict.fromkeys((*PROPERTIES, *(name for name, *_ in rows[1:])))
-        },
+        **{name: list(map(float, getattr(beam, name))) for name in dict.fromkeys((*PROPERTIES, *names))},
         "length": beam.length,
         "elements": beam.elements,
         "axis": list(beam.axis),
@@ -234,10 +228,10 @@ class Match(Step):
 def _mean_properties(beam: Beam, match: FrequencyMatch) -> Table:
     """Return mean and extremes along the beam of each property, beside the mean of the given beam."""
     rows = []
-    for name, unit, scale in _beam_rows(beam)[1:]:  # without the length
-        before, values = scale * float(np.mean(getattr(beam, name))), scale * np.array(getattr(match.beam, name))
-        row = (before, float(values.mean()), float(values.min()), float(values.max()))
-        rows.append((name.replace("_", " "), unit, *row))
+    for (name, unit, scale), before in list(zip(_beam_rows(beam), _means(beam), strict=True))[1:]:  # without the length
+        values = scale * np.array(getattr(match.beam, name))
+        numbers = (before, float(values.mean()), float(values.min()), float(values.max()))
+        rows.append((name.replace("_", " "), unit, *numbers))
     heads = ("property", "unit", "before", "mean", "smallest", "largest")
     notes = (
         f"{match.iterations} iterations of IPOPT.",

@@ -197,5 +197,4 @@ def participation(modes: Modes, mode: int) -> float:
 def _shapes(run: Trajectory, end: int) -> Array:
     arcs = np.linspace(0.0, run.model.beam.length, 41).tolist()  # deformed shapes over one period, points of each
     rows = np.linspace(max(0, end - PERIOD_SAMPLES), end, 13).astype(int)
-    points = [run.model.interpolation(arc) for arc in arcs]
-    return np.array([[point @ run.coordinates[row] for point in points] for row in rows])
+    return np.stack([run.position(arc)[rows] for arc in arcs], axis=1)

@@ -14,26 +14,25 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
-from itertools import pairwise
-from typing import Annotated, Any, Self, final
+from dataclasses import dataclass
+from itertools import repeat
+from typing import Any, final
 
 import numpy as np
 
-from ancf_casadi.mechanics.model import Model
 from ancf_casadi.reduction.reduced import ReducedModel
 from ancf_casadi.response.curve import ResponseCurve
 from ancf_casadi.response.periodic import PeriodicMotion
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.figures import Axes, Figure
-from ancf_casadi.support.specs import UNLISTED
 from ancf_casadi.support.tables import Cell, Table
 from ancf_casadi.vibration.modes import natural_modes
 from problems.spec.file import StudyFile
-from problems.spec.motion import ResponseTables, convert_response, read_response
+from problems.spec.motion import ResponseTables
 from problems.study.compute import Compute
 from problems.study.drawing import new_figure, series
-from problems.study.step import Finding, Findings, Step, Study, study_table
+from problems.study.kinds.motion import TablesStep
+from problems.study.step import Finding, Findings, study_table
 
 TIP_KEY = "tip"
 SUMMARY_HEADS = ("peak of the tip, mm", "at, Hz", "damping there, %", "jump up, Hz", "jump down, Hz")
@@ -41,9 +40,9 @@ SUMMARY_HEADS = ("peak of the tip, mm", "at, Hz", "damping there, %", "jump up, 
 Curve = Mapping[str, Any]  # a response curve as in results.json
 
 
-def curve_numbers(task: ResponseTables, curve: ResponseCurve) -> dict[str, Any]:
-    """Return a response curve of a task for JSON."""
-    places = {TIP_KEY: None, **task.markers}
+def curve_numbers(curve: ResponseCurve, markers: Mapping[str, float]) -> dict[str, Any]:
+    """Return a response curve for JSON, with the motion of markers at their arc lengths (m)."""
+    places = {TIP_KEY: None, **markers}
     amplitudes = {name: curve.amplitude(place) for name, place in places.items()}
     peak = int(np.argmax(amplitudes[TIP_KEY]))
     return {
@@ -55,7 +54,7 @@ def curve_numbers(task: ResponseTables, curve: ResponseCurve) -> dict[str, Any]:
         },
         "peak_frequency_hz": float(curve.frequencies[peak]),
         "peak_amplitude_m": float(amplitudes[TIP_KEY][peak]),
-        "peak_damping_ratio": _damping_ratio(task.body, curve.motions[peak]),
+        "peak_damping_ratio": _damping_ratio(curve.motions[peak]),
         "bifurcations": [
             {"name": point.kind, "frequency_hz": point.motion.frequency, "amplitude_m": point.motion.amplitude()}
             for point in curve.bifurcations
@@ -65,8 +64,10 @@ def curve_numbers(task: ResponseTables, curve: ResponseCurve) -> dict[str, Any]:
     }
 
 
-def _damping_ratio(body: Model | ReducedModel, motion: PeriodicMotion) -> float:
-    """Return the equivalent damping ratio of a motion."""
+def _damping_ratio(motion: PeriodicMotion) -> float:
+    """Return the equivalent damping ratio of a motion of a beam."""
+    body = motion.excited.body
+    assert body
     # the nearest mode is sought among ten of the full beam
     modes = body.modes if isinstance(body, ReducedModel) else natural_modes(body, count=10)
     nearest = int(np.argmin(np.abs(np.log(modes.frequencies / motion.frequency))))
@@ -86,30 +87,25 @@ def summary_rows(curves: Sequence[Curve]) -> list[tuple[Cell, ...]]:
 
 def level_curve(file: StudyFile, level: float) -> dict[str, Any]:
     """Return the response curve of a study file at one of its levels."""
-    task = read_response(file)
-    return curve_numbers(task, task.curve(level))
+    tables = ResponseTables.of(file)
+    return curve_numbers(tables.curve(level), tables.markers)
 
 
 @final
 @dataclass(frozen=True, kw_only=True)
-class ResponseStep(Step):
+class ResponseStep(TablesStep):
     """Steady vibration over frequency, with folds and jumps: the tables [[damping]], [response], [markers]."""
 
     kind, heading = "response", "Steady vibration"
+    converter = ResponseTables
     reading = frozenset({"beam", "damping", "response", "markers"})
-
-    levels: Annotated[tuple[float, ...], UNLISTED] = ()
-    unit: Annotated[str, UNLISTED] = ""
-
-    def prepare(self, study: Study, where: str) -> Self:
-        """Return the step with its levels and the tables that it reads."""
-        task = convert_response(study.file)
-        return replace(super().prepare(study, where), levels=task.levels, unit=task.unit)
 
     def finding(self, compute: Compute, findings: Findings) -> Finding:
         """Return the curves with their peaks and jumps."""
-        curves = compute.all(level_curve, [(self.file, level) for level in self.levels], 5.0)
-        titles = [f"{1e3 * level:.4g} m{self.unit}" for level in self.levels]  # in mm or mN
+        tables = ResponseTables.of(self.file)
+        levels, unit = tables.levels, tables.unit
+        curves = compute.all(level_curve, [(self.file, level) for level in levels], 5.0)
+        titles = [f"{1e3 * level:.4g} m{unit}" for level in levels]  # in mm or mN
         rows = [(title, *row) for title, row in zip(titles, summary_rows(curves), strict=True)]
         bifurcations = [
             f"{title}: {bifurcation['name']} at {bifurcation['frequency_hz']:.6g} Hz, "
@@ -123,11 +119,8 @@ class ResponseStep(Step):
             "excitation.  Dashed: unstable."
         )
         figures = compute.drawings((caption, _figure, titles, curves))
-        data = [
-            {"level": level, "unit": self.unit, "curve": curve}
-            for level, curve in zip(self.levels, curves, strict=True)
-        ]
-        files = {"response.csv": _points(self.levels, self.unit, curves).csv().encode()}
+        data = [{"level": level, "unit": unit, "curve": curve} for level, curve in zip(levels, curves, strict=True)]
+        files = {"response.csv": _points(levels, unit, curves).csv().encode()}
         return Finding(data, (table,), figures, files=files)
 
 
@@ -136,16 +129,10 @@ def _points(levels: Sequence[float], unit: str, curves: Sequence[Curve]) -> Tabl
     quantities = ("amplitude_m", "phase_rad")
     columns = [f"level_{unit.lower()}", "frequency_hz", "stable"]
     columns += [f"{name}_{quantity}" for name in curves[0]["points"] for quantity in quantities]
-    rows = [
-        [level, frequency, int(stable), *values]
-        for level, curve in zip(levels, curves, strict=True)
-        for frequency, stable, *values in zip(
-            curve["frequency_hz"],
-            curve["stable"],
-            *(point[quantity] for point in curve["points"].values() for quantity in quantities),
-            strict=True,
-        )
-    ]
+    rows: list[tuple[Cell, ...]] = []
+    for level, curve in zip(levels, curves, strict=True):
+        values = [point[quantity] for point in curve["points"].values() for quantity in quantities]
+        rows += zip(repeat(level), curve["frequency_hz"], map(int, curve["stable"]), *values, strict=False)
     return Table("response", "Steady vibration", columns, rows)
 
 
@@ -165,11 +152,8 @@ def _figure(titles: Sequence[str], curves: Sequence[Curve]) -> Figure:
 
 def draw_curve(axes: Axes, curve: Curve, values: Array, number: int, label: str | None = None) -> None:
     """Draw values along a curve in the style of its number: stable parts solid, unstable parts dashed."""
-    style: dict[str, Any] = {**series(number), "ms": 4, "lw": 1.4, "linestyle": "-"}
+    from ancf_casadi.figures.responses import draw_branches  # slow to import
+
     span = max(1, len(values) // 8)  # markers, which tell the curves apart in grey
-    stable = curve["stable"]
-    for begin, end in pairwise([0, *(np.flatnonzero(np.diff(stable)) + 1).tolist(), len(stable)]):
-        branch = slice(begin, end + 1)  # neighbouring branches share a point
-        dash = {} if stable[begin] else {"linestyle": (0, (3, 2)), "marker": ""}
-        axes.plot(curve["frequency_hz"][branch], values[branch], markevery=(span // 2, span),
-                  label=None if begin else label, **style | dash)  # fmt: skip
+    style = series(number) | {"linestyle": "-", "lw": 1.4, "ms": 4, "markevery": (span // 2, span)}
+    draw_branches(axes, np.array(curve["frequency_hz"]), values, np.array(curve["stable"]), label, **style)

@@ -13,11 +13,10 @@ from typing import Annotated, Any, Self, final
 import numpy as np
 from msgspec import Meta
 
-from ancf_casadi.dynamics.simulation import Method
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.beam import Beam
 from ancf_casadi.support.arrays import Array, maxima
-from ancf_casadi.support.figures import Axes, Figure, plain_log_ticks
+from ancf_casadi.support.figures import Figure, plain_log_ticks
 from ancf_casadi.support.tables import Table, finite_or_none
 from problems.study.compute import Compute
 from problems.study.drawing import draw_band, line, new_figure, series
@@ -29,19 +28,17 @@ TRANSIENT_KEYS = {"experiment", "runs"}  # other keys of its numbers
 Row = tuple[int, LawChoice, dict[str, Any]]  # number of a run, law, and the numbers of the experiment
 
 
-def run_experiments(
-    compute: Compute, beam: Beam, runs: Sequence[RequestedRun], methods: Sequence[Method] = ("radau",)
-) -> list[list[ExperimentResult]]:
-    """Simulate each run under each of its laws by each method; return the results run by run."""
+def run_experiments(compute: Compute, beam: Beam, runs: Sequence[RequestedRun]) -> list[list[ExperimentResult]]:
+    """Simulate each run under each of its laws; return the results run by run."""
     inputs, costs = [], []
     for run in runs:
         requested = replace(run.shorten() if compute.quick else run, laws=(), measured_ratio=math.nan)
         # computing time by the number of periods
         cost = 0.01 * max(requested.frequency, 2.0) * (requested.stop + max(requested.window, 1.0))
-        inputs += [(beam, law.terms, requested, method) for law in run.laws for method in methods]
-        costs += [cost] * len(run.laws) * len(methods)
+        inputs += [(beam, law.terms, requested) for law in run.laws]
+        costs += [cost] * len(run.laws)
     results = iter(compute.all(run_experiment, inputs, costs))
-    return [[next(results) for _ in range(len(run.laws) * len(methods))] for run in runs]
+    return [[next(results) for _ in run.laws] for run in runs]
 
 
 @final
@@ -196,8 +193,11 @@ def _run_figure(run: RequestedRun, results: Sequence[ExperimentResult]) -> Figur
         around.plot(result.stop_time, 1e3 * result.stop_motion, **line(k), lw=1)
         time, peaks = _peaks(result)
         decay.plot(time, 1e3 * peaks, **line(k), label=label)
-    if math.isfinite(run.measured_ratio):
-        _draw_measurement(decay, run, results[0])
+    if math.isfinite(run.measured_ratio):  # Eq. (9) from the amplitude of the first law on
+        time, peaks = _peaks(results[0])
+        rate = 2 * math.pi * results[0].numbers["drive_hz"] * run.measured_ratio
+        label = f"measured ζ = {100 * run.measured_ratio:.3g} %, synthetic"
+        decay.plot(time, 1e3 * peaks[0] * np.exp(-rate * (time - time[0])), "k:", lw=1.5, label=label)
     whole_run.axvline(results[0].numbers["stop_s"], color="black", lw=0.6, ls=":")
     around.axvline(0.0, color="black", lw=0.6, ls=":")
     whole_run.set(xlabel="time, s", ylabel="tip relative\nto clamp, mm")
@@ -213,11 +213,3 @@ def _peaks(result: ExperimentResult) -> tuple[Array, Array]:
     """Return times after the stop, s, and sizes of the extremes of the decay."""
     at = maxima(np.abs(result.decay))
     return result.decay_time[at] - result.numbers["stop_s"], np.abs(result.decay[at])
-
-
-def _draw_measurement(axes: Axes, run: RequestedRun, result: ExperimentResult) -> None:
-    """Draw Eq. (9) with the measured damping ratio, from the amplitude of the first law on."""
-    time, peaks = _peaks(result)
-    rate = 2 * math.pi * result.numbers["drive_hz"] * run.measured_ratio
-    label = f"measured ζ = {100 * run.measured_ratio:.3g} %, synthetic"
-    axes.plot(time, 1e3 * peaks[0] * np.exp(-rate * (time - time[0])), "k:", lw=1.5, label=label)

@@ -285,11 +285,11 @@ def test_reproduce_is_the_study_of_the_paper(files, capsys, monkeypatch):
         calls.update(options, arguments=arguments)
         raise FitError("no minimum was found")
 
-    monkeypatch.setattr(study_module, "write_study", run)
+    monkeypatch.setattr(study_module, "run_study", run)
     assert main(["reproduce", "--quick", "--jobs", "3", "--out", "study"]) == 1
     assert calls.pop("arguments") == (PAPER, Path("study"))
     command = "ancf-casadi reproduce --quick"
-    options = {"quick": True, "executor": None, "jobs": 3, "progress": False, "command": command}
+    options = {"steps": (), "quick": True, "jobs": 3, "progress": False, "command": command}
     assert calls == options
     assert one_line(capsys) == "ancf-casadi: no minimum was found"
     assert not (files / "study").exists()

@@ -7,7 +7,7 @@ import pytest
 
 from ancf_casadi import HarmonicBase, periodic_motion
 from problems.cli import main
-from problems.spec.motion import read_response
+from problems.spec.motion import ResponseTables
 from tests.problems.conftest import STRIP
 
 STUDY = f"""{STRIP}elements = 4
@@ -61,7 +61,7 @@ def test_a_point_of_the_table_is_the_steady_vibration_at_its_frequency(study, ca
     assert "fold at" in text and "0.2 mm" in text
     table = np.genfromtxt("new/response.csv", delimiter=",", names=True)
     row = table[table["level_m"] == 5e-5][3]
-    task = read_response("study.toml")
+    task = ResponseTables.of("study.toml")
     motion = periodic_motion(task.body, base=HarmonicBase(5e-5, row["frequency_hz"]))
     assert motion.amplitude() == pytest.approx(row["tip_amplitude_m"], rel=1e-4)
     assert motion.amplitude(0.25) == pytest.approx(row["middle_amplitude_m"], rel=1e-4)

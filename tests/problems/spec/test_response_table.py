@@ -4,7 +4,7 @@ import pytest
 
 from ancf_casadi import HarmonicBase, HarmonicLoad, InputError, Model, QuadraticDamping
 from ancf_casadi.reduction import ReducedModel
-from problems.spec.motion import read_response
+from problems.spec.motion import ResponseTables
 from tests.problems.conftest import STRIP
 
 BEAM = f"{STRIP}elements = 8\n"
@@ -13,7 +13,7 @@ RANGE = "[response]\nfrequencies = [9.0, 11]\n"
 
 
 def test_each_level_drives_the_base_from_the_first_frequency(file):
-    task = read_response(file(BEAM, LAW, RANGE, "base_amplitudes = [1e-4, 2e-4]\n"))
+    task = ResponseTables.of(file(BEAM, LAW, RANGE, "base_amplitudes = [1e-4, 2e-4]\n"))
     assert task.table.frequencies == (9.0, 11.0)
     assert [task.excitation(level) for level in task.levels] == [
         {"base": HarmonicBase(1e-4, 9.0)},
@@ -24,7 +24,7 @@ def test_each_level_drives_the_base_from_the_first_frequency(file):
 
 
 def test_a_force_at_the_tip_has_the_given_size_and_direction(file):
-    task = read_response(file(BEAM, RANGE, "tip_forces = 0.5\ndirection = [3, -4]\n"))
+    task = ResponseTables.of(file(BEAM, RANGE, "tip_forces = 0.5\ndirection = [3, -4]\n"))
     ((name, load),) = task.excitation(0.5).items()
     assert name == "load" and isinstance(load, HarmonicLoad)
     assert load.force == pytest.approx((0.3, -0.4)) and load.frequency == 9.0
@@ -35,16 +35,16 @@ def test_a_force_at_the_tip_has_the_given_size_and_direction(file):
 def test_the_beam_is_reduced_unless_the_file_asks_for_all_of_it(file):
     drive = "base_amplitudes = 1e-4\n"
     for text, count in (("", 8), ("modes = 3\n", 3)):
-        body = read_response(file(BEAM, LAW, RANGE, drive, text)).body
+        body = ResponseTables.of(file(BEAM, LAW, RANGE, drive, text)).body
         assert isinstance(body, ReducedModel) and body.count == count
         assert body.law == QuadraticDamping(eta2=0.1)
-    coarse = read_response(file(BEAM.replace("elements = 8", "elements = 2"), LAW, RANGE, drive))
+    coarse = ResponseTables.of(file(BEAM.replace("elements = 8", "elements = 2"), LAW, RANGE, drive))
     assert coarse.body.count == 4
-    assert isinstance(read_response(file(BEAM, LAW, RANGE, drive, 'model = "full"\n')).body, Model)
+    assert isinstance(ResponseTables.of(file(BEAM, LAW, RANGE, drive, 'model = "full"\n')).body, Model)
 
 
 def test_markers_are_points_of_the_output(file):
-    task = read_response(file(BEAM, RANGE, "base_amplitudes = 1e-4\n[markers]\nmiddle = 0.25\n"))
+    task = ResponseTables.of(file(BEAM, RANGE, "base_amplitudes = 1e-4\n[markers]\nmiddle = 0.25\n"))
     assert task.markers == {"middle": 0.25}
 
 
@@ -73,5 +73,5 @@ def test_markers_are_points_of_the_output(file):
 )
 def test_what_makes_no_sense_is_refused_by_name(file, text, message):
     with pytest.raises(InputError, match=message) as caught:
-        read_response(file(BEAM, LAW, text))
+        ResponseTables.of(file(BEAM, LAW, text))
     assert "\n" not in str(caught.value)

@@ -255,3 +255,10 @@ def test_a_mutated_study_is_read_or_refused(study_file):
             assert "\n" not in str(error)
             assert str(path) in str(error) or "no static equilibrium" in str(error)
     assert 0.5 * times < refused < times
+
+
+def test_steps_are_chosen_from_a_file_alone(study_file):
+    study = read_study(study_file(RAYLEIGH))
+    with pytest.raises(InputError, match=r"^steps: are chosen from a file"):
+        run_study(study, None, steps=["rayleigh"])
+    assert run_study(study, None).results["rayleigh"]["alpha"] == pytest.approx(0.228181, rel=1e-5)

@@ -3,7 +3,7 @@
 import pytest
 
 from ancf_casadi import InputError
-from problems.spec.motion import read_response
+from problems.spec.motion import ResponseTables
 from problems.study.reading import read_study
 from problems.study.study import run_study
 from tests.problems.conftest import BEAM
@@ -25,7 +25,7 @@ points = 20
 def test_the_table_response_adds_its_curves_to_a_study(study_file, tmp_path):
     path = study_file(BEAM, RESPONSE)
     found = run_study(path, tmp_path / "results")
-    task = read_response(str(path))
+    task = ResponseTables.of(str(path))
     assert [level["level"] for level in found.results["response"]] == [5e-5, 2e-4]
     for level in found.results["response"]:
         curve = task.curve(level["level"])

@@ -14,6 +14,7 @@ from typing import Any, get_args
 from ancf_casadi.decay.phase import FrequencyLaw
 from ancf_casadi.decay.release import separate_takes
 from ancf_casadi.decay.rest_position import Rest
+from ancf_casadi.estimation.comparison import LawComparison
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.support.files import check_file
@@ -38,8 +39,7 @@ from problems.command.record_options import (
     refuse_combinations,
     releases,
 )
-from problems.decay.comparison import compare_decay_laws, comparison_arguments
-from problems.decay.fitting import fit_decay, fit_decays
+from problems.decay.fitting import fit_decay, fit_decays, fit_or_compare
 from problems.decay.law_curve import amplitude_table
 from problems.decay.laws import Law
 from problems.decay.mode_separation import MAX_DECAY_MODES, IsolatedMode, fit_modes, isolate_mode
@@ -157,16 +157,16 @@ def _fit(
     times: Sequence[float | None],
     isolated: Sequence[IsolatedMode],
 ) -> Output:
-    settings, extra = option_values(options, (*LAWS, "robust")), dict[str, Any]()
+    extra: dict[str, Any] = {}
     with error_prefix(", ".join(options.files)):
-        if _automatic(options):
-            laws = comparison_arguments(*(getattr(options, name) for name in LAWS))
-            comparison = compare_decay_laws(records[0], release_time=times[0], **laws)
-            fits, text, extra = [comparison.best], comparison.report(), {"comparison": comparison.to_dict()}
-        elif len(records) == 1:
-            fits = [fit_decay(records[0], release_time=times[0], **settings)]
-            text = fits[0].report()
+        if len(records) == 1:
+            laws = {name: getattr(options, name) for name in LAWS}
+            result = fit_or_compare(records[0], laws, release_time=times[0], robust=options.robust)
+            fits, text = [result.best if isinstance(result, LawComparison) else result], result.report()
+            if isinstance(result, LawComparison):
+                extra = {"comparison": result.to_dict()}
         else:
+            settings = option_values(options, (*LAWS, "robust"))
             release_times = [time for time in times if time is not None]
             takes = fit_decays(records, release_times=release_times or None, **settings)
             fits, text, extra = list(takes), takes.report(), takes.to_dict()

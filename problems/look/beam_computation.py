@@ -24,7 +24,7 @@ from problems.study.drawing import render
 from problems.study.formatting import shown
 from problems.study.reading import read_study
 from problems.study.results import inline_svg
-from problems.study.study import PAGE, write_study
+from problems.study.study import run_study
 
 MODES = 6  # that the page shows
 MEASURED_TABLES = {"records", *NUMBERS}
@@ -95,10 +95,11 @@ def fit_study(study: EditedStudy) -> MotionView:
 
 def write_document(study: EditedStudy, folder: Path) -> Path:
     """Run all steps of a study, as ``run`` does, and write their results to a folder; return the document."""
-    results, command = folder / "results", f"ancf-casadi run {Path(study.file.path).name}"
-    steps = read_study(study.file)
-    write_study(steps, results, quick=False, executor=None, jobs=1, progress=False, command=command)
-    return results / PAGE
+    report = run_study(
+        read_study(study.file), folder / "results", command=f"ancf-casadi run {Path(study.file.path).name}"
+    )
+    assert report.page is not None  # as there is a folder
+    return report.page
 
 
 def _charts(channels: Sequence[PredictedChannel]) -> list[Options]:

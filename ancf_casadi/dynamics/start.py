@@ -25,7 +25,6 @@ from ancf_casadi.dynamics.placed_load import TIP, equilibrium_under
 from ancf_casadi.dynamics.tolerance import check_speed
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.loads import LineLoad, PointLoad
-from ancf_casadi.mechanics.mesh_limits import short_elements_advice
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.mechanics.nodes import NODE
 from ancf_casadi.mechanics.state import State
@@ -57,7 +56,7 @@ def initial_state(
     if isinstance(start, Equilibrium):
         if start.model != model:
             raise InputError("the equilibrium belongs to another model", "start")
-        if not (start.stable or short_elements_advice(start.model)):
+        if not (start.stable or model.has_short_elements):
             warnings.warn(
                 "the start is an unstable equilibrium, so rounding decides when and to which side the beam leaves it; "
                 "start from static_equilibrium(model), which is stable, or from a State beside it",

@@ -54,8 +54,15 @@ class ProportionalLoading:
 
     model: Model
     loads: tuple[Load, ...]
-    largest: float
-    weight: Array | float = 0.0  # forces that grow with the factor too, whatever the shape, such as gravity, (N,), N
+    largest: float = 1.0
+    with_weight: bool = False  # whether the forces on the straight beam, such as gravity, grow with the factor too
+
+    @cached_property
+    def weight(self) -> Array | float:
+        """The forces that grow with the factor, whatever the shape of the beam, (N,), N."""
+        if not self.with_weight:
+            return 0.0
+        return -Structure.of(self.model).linearisation(Position.of(self.model.straight))[0]
 
     @cached_property
     def moves(self) -> bool:

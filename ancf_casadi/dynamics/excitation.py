@@ -13,7 +13,7 @@ from __future__ import annotations
 import contextlib
 import itertools
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -124,6 +124,13 @@ def excitation_pieces(
         ]
         pieces.append(Excitation(model, overlapping[0], overlapping[1], first, last, values))
     return pieces
+
+
+def sample_excitation(pieces: Sequence[Excitation]) -> tuple[Array, Array]:
+    """Return instants throughout a motion, (k,), s, and the excitation there, (k, 16)."""
+    instants = [np.linspace(piece.begin, piece.end, 1001) for piece in pieces]
+    values = [piece.function(times[None, :]).full().T for piece, times in zip(pieces, instants, strict=True)]
+    return np.concatenate(instants), np.vstack(values)
 
 
 def clamped_node(model: Model, displacement: cs.MX, t: cs.MX) -> cs.MX:

@@ -258,10 +258,14 @@ class Nodes(Displayed):
         first, second = (begin + gauss(2)[0] * (end - begin)).tolist()
         return first, second
 
+    @property
+    def all_gauss_points(self) -> list[float]:
+        """The arc lengths of the two Gauss points of each element, m."""
+        return [s for index in range(self.beam.elements) for s in self.gauss_points(index)]
+
     def gauss_slopes(self, e: Array) -> Array:
         """Return r' at the two Gauss points of each element, (2, 2 n)."""
-        points = [s for index in range(self.beam.elements) for s in self.gauss_points(index)]
-        return np.array([self.slope_interpolation(s) @ e for s in points]).T
+        return np.array([self.slope_interpolation(s) @ e for s in self.all_gauss_points]).T
 
     def end_angles(self, e: Array) -> Array:
         """Return the angles from the slopes at both ends of each element to its chord, (..., n, 2), rad.

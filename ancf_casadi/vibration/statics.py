@@ -103,14 +103,14 @@ def static_equilibrium(
     if side == 0:
         raise InputError("must be 1 or -1", "side")
     straight = Equilibrium(model, model.straight, force, moment, loads=other_loads)
-    position = stable_position(model, straight.all_loads, side)
+    position = stable_position(model, straight.all_loads, side=side)
     warn_of_overbent_elements(model, position.coordinates)
     return replace(straight, coordinates=position.coordinates.copy(), remainder=position.remainder.copy())
 
 
 @keep_last(8)
 @lasting_interrupts()
-def stable_position(model: Model, loads: tuple[Load, ...], side: int = 1) -> Position:
+def stable_position(model: Model, loads: tuple[Load, ...], *, side: int) -> Position:
     """Return the coordinates of ``static_equilibrium``, without a warning; a run finds those of an earlier one again.
 
     The mesh of too short elements is unstable where the beam is not, so that its stability tells nothing.

@@ -54,15 +54,14 @@ from ancf_casadi.dynamics.derivatives.tangent import (
 )
 from ancf_casadi.dynamics.equations import Equations
 from ancf_casadi.dynamics.excitation import SAME_TIME, Excitation, excitation_pieces
-from ancf_casadi.dynamics.placed_load import LOAD_SIZE, TIP, equilibrium_under
+from ancf_casadi.dynamics.limits import check_clamp, check_start
+from ancf_casadi.dynamics.placed_load import LOAD_SIZE, TIP, coordinates_at_rest
 from ancf_casadi.dynamics.radau.stepper import RadauSteps, Stepper
 from ancf_casadi.dynamics.start import (
     AT_REST,
     LOAD_NAMES,
     START_LOAD_NAMES,
     Start,
-    check_clamp,
-    initial_state,
     rigid_motion,
 )
 from ancf_casadi.dynamics.tip_load import TipLoad
@@ -214,9 +213,11 @@ class SensitivityProblem:
         free, layout = self.equations.free, self.layout
         jacobian, start = np.zeros((2 * free, layout.size)), self.start
         if isinstance(start, State):
-            return initial_state(model, excitation, start), jacobian
-        node, velocity, _, own_load = np.split(excitation.at(0.0), [NODE, 2 * NODE, 3 * NODE])
-        check_clamp(model, node)
+            check_start(model, excitation, start)
+            return start, jacobian
+        first_excitation = excitation.at(0.0)
+        check_clamp(model, first_excitation)
+        _, velocity, _, own_load = np.split(first_excitation, [NODE, 2 * NODE, 3 * NODE])
         state = State(model.straight, np.zeros(model.size))
         if start != "straight":
             if not self.held:
@@ -295,7 +296,7 @@ def held_start(
     the law, P, element by element, the lumped properties, and (p, p').
     """
     p, rate = np.split(load, [len(LOAD_NAMES)])
-    coordinates = equilibrium_under(model, p, place, law.loads(model.beam)).coordinates
+    coordinates = coordinates_at_rest(model, p, place, law.loads(model.beam))
     theta = np.array([parameter.value for parameter in law.parameters])
     point: Any = coordinates, p, theta, model.properties, *model.lumped.values()
     jacobians_of_forces = stiffness, by_p, by_x = jacobians[0](*point)

@@ -207,6 +207,13 @@ class Collocation:
         )
         return _function("prediction", [nodes, ratio, s.excitations], [increments])
 
+    def trial(self, excitation: cs.Function) -> cs.Function:
+        """(t, h, ratio, nodes) -> the excitations (t) -> (16,) at the stages of a step, (16, 3), and Z."""
+        t, h, ratio = (cs.MX.sym(name) for name in ("t", "h", "ratio"))
+        nodes = cs.MX.sym("nodes", *self.prediction.size_in(0))
+        excitations = cs.horzcat(*(excitation(t + c * h) for c in RADAU.nodes.tolist()))
+        return cs.Function("trial", [t, h, ratio, nodes], [excitations, self.prediction(nodes, ratio, excitations)])
+
     def accelerations(self, q: Array, v: Array, excitation: Array, parameters: Array, internal: Array) -> Array:
         """Return the accelerations a in a state (q, v, internal strains) under an excitation (16,)."""
         forces = self.balance(q, v, 0 * q, excitation, parameters, internal).full().ravel()

@@ -37,7 +37,6 @@ from ancf_casadi.mechanics.supports import Clamp
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.banded import BandedFactors, factorise
 from ancf_casadi.vibration.assembly import BANDWIDTH, Position, Structure, solve_refined
-from ancf_casadi.vibration.eigensolver import eigenvalue_shift
 from ancf_casadi.vibration.equilibrium import Equilibrium
 
 MAX_STEP = 0.05  # change of the factor per step, relative to the largest factor, and first step along a branch
@@ -118,9 +117,7 @@ class PathPoint:
     @cached_property
     def balance(self) -> tuple[Array, Array, Array]:
         """The balance R, and K, shifted if the supports do not hold the beam, and M, stored by diagonals."""
-        force, stiffness, mass = self.structure.linearisation(self.at)
-        if not self.loading.model.is_held:
-            stiffness = stiffness + eigenvalue_shift(self.structure.model, stiffness, mass) * mass
+        force, stiffness, mass = self.structure.regular_linearisation(self.at)
         return force + (1.0 - self.factor / self.loading.largest) * self.loading.weight, stiffness, mass
 
     @cached_property

@@ -72,8 +72,16 @@ from ancf_casadi.exceptions import EquilibriumError
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.support.arrays import Array, Index
 from ancf_casadi.support.banded import BandedFactors, factorise, sparse
-from ancf_casadi.vibration.assembly import BANDWIDTH, EqualElements, Position, Structure, per_element, scatter
-from ancf_casadi.vibration.eigensolver import eigenvalue_shift, lowest_modes
+from ancf_casadi.vibration.assembly import (
+    BANDWIDTH,
+    EqualElements,
+    Position,
+    Structure,
+    eigenvalue_shift,
+    per_element,
+    scatter,
+)
+from ancf_casadi.vibration.eigensolver import lowest_modes
 from ancf_casadi.vibration.equilibrium import neighbouring_equilibrium
 from ancf_casadi.vibration.modes import Modes
 

@@ -30,6 +30,8 @@ from ancf_casadi.support.arrays import Array
 NO_LOAD = HarmonicLoad((0.0, 0.0), 1.0)
 EXCITATION = 3 * NODE + LOAD_SIZE + 1  # components of the excitation
 ENERGIES = 3  # lost to damping, work of the base, work of the load
+SEGMENTS = 25  # per piece; a restart of IDAS costs about a hundred small steps
+MOST_SAMPLES = 250  # in a segment
 SAME_TIME = 1e-9  # instants are the same if they differ by less than this fraction of a sampling interval or step
 
 
@@ -88,6 +90,25 @@ class Excitation:
         if not times.size:
             return np.zeros((0, EXCITATION))
         return np.asarray(self._derivatives[1](times[None, :], self.parameters).full().T)
+
+    def segments(self, origin: float, rate: float) -> Iterator[Segment]:
+        """Divide the piece, whose ends may lie between two samples, into time segments that end at samples.
+
+        The first sample is at ``origin``, the start of the motion; the others follow at the given rate (1/s).
+        """
+        first = math.ceil((self.begin - origin) * rate - SAME_TIME)
+        last = math.floor((self.end - origin) * rate + SAME_TIME)
+        if first > last:
+            yield Segment(self.begin, self.end - self.begin, 1, 0)
+            return
+        if origin + first / rate - self.begin > SAME_TIME / rate:
+            yield Segment(self.begin, origin + first / rate - self.begin, 1, 1)
+        size = min(max(1, math.ceil((self.end - self.begin) * rate / SEGMENTS)), MOST_SAMPLES)
+        for k in range(first, last, size):
+            points = min(size, last - k)
+            yield Segment(origin + k / rate, points / rate, points, points, first=k == 0)
+        if self.end - origin - last / rate > SAME_TIME / rate:
+            yield Segment(origin + last / rate, self.end - origin - last / rate, 1, 0)
 
     @cached_property
     def _derivatives(self) -> tuple[cs.Function, cs.Function]:
@@ -178,21 +199,3 @@ class Segment:
     def kept(self) -> slice:
         """Indices of the samples of the result in ``instants``."""
         return slice(0 if self.first else 1, self.samples + 1)
-
-
-def divide(begin: float, end: float, origin: float, rate: float, size: int) -> Iterator[Segment]:
-    """Divide [begin, end] into segments of ``size`` samples; ``begin`` and ``end`` may lie between two samples.
-
-    The first sample is at ``origin``, the start of the motion; the others follow at the given rate (1/s).
-    """
-    first, last = math.ceil((begin - origin) * rate - SAME_TIME), math.floor((end - origin) * rate + SAME_TIME)
-    if first > last:
-        yield Segment(begin, end - begin, 1, 0)
-        return
-    if origin + first / rate - begin > SAME_TIME / rate:
-        yield Segment(begin, origin + first / rate - begin, 1, 1)
-    for k in range(first, last, size):
-        points = min(size, last - k)
-        yield Segment(origin + k / rate, points / rate, points, points, first=k == 0)
-    if end - origin - last / rate > SAME_TIME / rate:
-        yield Segment(origin + last / rate, end - origin - last / rate, 1, 0)

@@ -20,7 +20,6 @@ from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.mechanics.nodes import NODE
 from ancf_casadi.mechanics.state import State
-from ancf_casadi.mechanics.strain import axial_strain
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.inputs import is_choice, shown
 from ancf_casadi.vibration.equilibrium import Equilibrium
@@ -120,7 +119,7 @@ def _check_stretch(model: Model, state: State) -> None:
     They do if stretch that nothing holds has more energy than bending.  Supports hold an even strain of each span;
     weight and swing, forces of m (|g| + v^2/L), hold some unevenness.
     """
-    beam, strain = model.beam, axial_strain(model.gauss_slopes(state.coordinates), "engineering")
+    beam, strain = model.beam, model.gauss_strains(state.coordinates)
     largest = np.abs(strain).max()
     if largest > MAX_STRAIN:
         raise InputError(

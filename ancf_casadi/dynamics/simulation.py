@@ -27,7 +27,6 @@ from tqdm import tqdm
 from ancf_casadi.damping import DampingLaw
 from ancf_casadi.dynamics.base_motion import BaseMotion
 from ancf_casadi.dynamics.dense_output import DenseMotion, SegmentSolution
-from ancf_casadi.dynamics.excitation import divide
 from ancf_casadi.dynamics.idas import integrate_by_idas
 from ancf_casadi.dynamics.motion_setup import MotionSetup, set_up
 from ancf_casadi.dynamics.radau.stepper import integrate_by_radau
@@ -46,7 +45,6 @@ from ancf_casadi.vibration.equilibrium import Equilibrium
 
 Method = Literal["auto", "idas", "radau"]
 
-SEGMENTS = 25  # per piece of the excitation; a restart of IDAS costs about a hundred small steps
 TIME_BAR = "{l_bar}{bar}| {n:.2f}/{total:.2f} s [{elapsed}<{remaining}]"
 
 
@@ -190,10 +188,7 @@ def _integrate(
     """Integrate a motion, and yield the solution on each time segment."""
     state = setup.start
     for piece in setup.pieces:
-        rate = setup.sample_rate
-        points = max(1, math.ceil((piece.end - piece.begin) * rate / SEGMENTS))
-        samples = min(points, 250)  # samples per segment
-        segments = list(divide(piece.begin, piece.end, setup.pieces[0].begin, rate, samples))
+        segments = piece.segments(use.start, setup.sample_rate)
         settings = piece, state, segments, use.tolerance, min(largest_step, piece.largest_step)
         if use.method == "idas":
             solutions = integrate_by_idas(setup.equations, *settings, options)

@@ -13,13 +13,11 @@ from __future__ import annotations
 
 from typing import Literal
 
-import casadi as cs
 import numpy as np
 
 from ancf_casadi.dynamics.equations import Equations
 from ancf_casadi.dynamics.excitation import Excitation
 from ancf_casadi.dynamics.placed_load import coordinates_at_rest
-from ancf_casadi.mechanics.model import Model
 from ancf_casadi.mechanics.nodes import NODE
 from ancf_casadi.mechanics.state import State
 from ancf_casadi.vibration.equilibrium import Equilibrium
@@ -45,17 +43,5 @@ def initial_state(equations: Equations, excitation: Excitation, start: Start | E
         coordinates = coordinates_at_rest(model, load, equations.place, equations.flow)
     if start == "impact":
         return State(coordinates, np.zeros(model.size))
-    velocities = rigid_motion(model)(coordinates, velocity).full().ravel()
+    velocities = model.rigid_motion(coordinates, velocity).full().ravel()
     return State(coordinates, model.whole(model.of_free(velocities), velocity))
-
-
-def rigid_motion(model: Model) -> cs.Function:
-    """(coordinates, velocity of the clamped node) -> velocities of a beam that moves with it as a rigid body."""
-    e, velocity = cs.MX.sym("e", model.size), cs.MX.sym("velocity", NODE)
-    nodes = cs.reshape(e, NODE, -1)
-    x, y = nodes[2, 0], nodes[3, 0]
-    turn = (x * velocity[3] - y * velocity[2]) / (x * x + y * y)
-    arms = nodes - cs.vertcat(nodes[:2, 0], 0.0, 0.0)
-    turning = cs.vertcat(-arms[1, :], arms[0, :], -arms[3, :], arms[2, :])
-    moved = turn * turning + cs.vertcat(velocity[:2], 0.0, 0.0)
-    return cs.Function("rigid_motion", [e, velocity], [cs.vec(moved)])

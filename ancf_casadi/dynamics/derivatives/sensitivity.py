@@ -62,7 +62,6 @@ from ancf_casadi.dynamics.start import (
     LOAD_NAMES,
     START_LOAD_NAMES,
     Start,
-    rigid_motion,
 )
 from ancf_casadi.dynamics.tip_load import TipLoad
 from ancf_casadi.exceptions import InputError, SimulationError
@@ -204,10 +203,6 @@ class SensitivityProblem:
             return TIP
         return self.load.place or PointLoad(point=self.load.point)
 
-    @cached_property
-    def _rigid_motion(self) -> cs.Function:
-        return rigid_motion(self.equations.model)
-
     def _first(self, model: Model, excitation: Excitation, load: Array, theta: Array) -> tuple[State, Array]:
         """Return the first state of a beam, and the Jacobian of q and v with respect to the values, (2 N, ...)."""
         free, layout = self.equations.free, self.layout
@@ -234,8 +229,9 @@ class SensitivityProblem:
             jacobian[:, layout["properties"].start : layout["start"].stop] = start_jacobian[:, used:][:, is_variable]
         if start == "impact":
             return state, jacobian
-        moved = self._rigid_motion(state.coordinates, velocity)
-        by_coordinates, by_velocity = self._rigid_motion.jacobian()(state.coordinates, velocity, moved)
+        rigid_motion = self.equations.model.rigid_motion
+        moved = rigid_motion(state.coordinates, velocity)
+        by_coordinates, by_velocity = rigid_motion.jacobian()(state.coordinates, velocity, moved)
         jacobian[free:] += model.of_free(by_coordinates.full() @ model.with_fixed_base(jacobian[:free]))
         by_base = model.of_free(by_velocity.full()) @ excitation.jacobian(0.0)[NODE : 2 * NODE]
         jacobian[free:, layout["base"]] += by_base

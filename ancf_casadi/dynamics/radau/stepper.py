@@ -14,7 +14,7 @@ The error estimate does not include the velocities.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -40,7 +40,7 @@ def integrate_by_radau(
     equations: Equations,
     piece: Excitation,
     start: State,
-    segments: Sequence[Segment],
+    segments: Iterable[Segment],
     tolerance: float,
     largest_step: float,
 ) -> Iterator[SegmentSolution]:

@@ -288,12 +288,9 @@ class Structure:
             mass += scatter(band_indices, masses if products is None else products * masses, bands * N + 1)
         return self.model.of_free(force)[:, 0], stiffness[:-1].reshape(bands, N), mass[:-1].reshape(bands, N)
 
-    def regular_linearisation(self, at: Position) -> tuple[Array, Array, Array]:
-        """Return ``linearisation`` with K shifted if the supports do not hold the beam, so that it has an inverse."""
-        force, stiffness, mass = self.linearisation(at)
-        if not self.model.is_held:
-            stiffness = stiffness + eigenvalue_shift(self.model, stiffness, mass) * mass
-        return force, stiffness, mass
+    def regular_stiffness(self, stiffness: Array, mass: Array) -> Array:
+        """Return K by diagonals, shifted if the supports do not hold the beam, so that it has an inverse."""
+        return stiffness if self.model.is_held else stiffness + eigenvalue_shift(self.model, stiffness, mass) * mass
 
     def stiffness_product(self, at: Position) -> Callable[[Array], Array]:
         """Return x -> K x for the free coordinates, summed element by element."""

@@ -115,10 +115,11 @@ class PathPoint:
         return self.equilibrium.exact
 
     @cached_property
-    def balance(self) -> tuple[Array, Array, Array]:
-        """The balance R, and K, shifted if the supports do not hold the beam, and M, stored by diagonals."""
-        force, stiffness, mass = self.structure.regular_linearisation(self.at)
-        return force + (1.0 - self.factor / self.loading.largest) * self.loading.weight, stiffness, mass
+    def balance(self) -> tuple[Array, Array]:
+        """The balance R, and K, shifted if the supports do not hold the beam, stored by diagonals."""
+        force, *matrices = self.structure.linearisation(self.at)
+        relief = (1.0 - self.factor / self.loading.largest) * self.loading.weight
+        return force + relief, self.structure.regular_stiffness(*matrices)
 
     @cached_property
     def factors(self) -> BandedFactors:

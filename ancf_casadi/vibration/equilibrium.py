@@ -159,11 +159,12 @@ def neighbouring_equilibrium(
     converged = False
     for _ in range(12):
         position = Position.of(position.coordinates)
-        force, stiffness, _ = structure.regular_linearisation(position)
+        force, *matrices = structure.linearisation(position)
         if support_motion is not None:
             force = force + structure.whole_product(position)(support_motion)
         try:
-            step = -solve_refined(factorise(stiffness).solve, structure.stiffness_product(position), force + relief)
+            solve = factorise(structure.regular_stiffness(*matrices)).solve
+            step = -solve_refined(solve, structure.stiffness_product(position), force + relief)
         except np.linalg.LinAlgError:
             return None
         if not np.isfinite(step).all():

@@ -21,7 +21,7 @@ from ancf_casadi.exceptions import EquilibriumError, InputError
 from ancf_casadi.mechanics.loads import LineLoad, Load, PointLoad, loads_text
 from ancf_casadi.mechanics.mesh_limits import SHORT_ELEMENTS_ADVICE, warn_of_overbent_elements
 from ancf_casadi.mechanics.model import Model
-from ancf_casadi.support.inputs import check_instance, check_size, instances, number, vector, whole
+from ancf_casadi.support.inputs import check_instance, instances, limited_number, limited_vector, whole
 from ancf_casadi.support.interrupts import lasting_interrupts
 from ancf_casadi.support.last_calls import keep_last
 from ancf_casadi.vibration.assembly import Position, Structure
@@ -96,9 +96,7 @@ def static_equilibrium(
     [63, -63]
     """
     check_instance(model, "model", Model)
-    force, moment = vector(tip_force, "tip_force"), number(tip_moment, "tip_moment")
-    check_size(force, "tip_force")
-    check_size(moment, "tip_moment")
+    force, moment = limited_vector(tip_force, "tip_force"), limited_number(tip_moment, "tip_moment")
     other_loads, side = instances(loads, "loads", PointLoad, LineLoad, minimum=0), whole(side, "side", -1, 1)
     if side == 0:
         raise InputError("must be 1 or -1", "side")

@@ -212,13 +212,13 @@ class SensitivityProblem:
             return start, jacobian
         first_excitation = excitation.at(0.0)
         check_clamp(model, first_excitation)
-        _, velocity, _, own_load = np.split(first_excitation, [NODE, 2 * NODE, 3 * NODE])
+        _, velocity, _, load_at_start = np.split(first_excitation, [NODE, 2 * NODE, 3 * NODE])
         state = State(model.straight, np.zeros(model.size))
         if start != "straight":
             if not self.held:
                 if isinstance(start, Equilibrium):
-                    own_load = np.array([*start.tip_force, start.tip_moment])
-                load = np.concatenate([own_load[:LOAD_SIZE], np.zeros(LOAD_SIZE)])
+                    load_at_start = np.array([*start.tip_force, start.tip_moment])
+                load = np.concatenate([load_at_start[:LOAD_SIZE], np.zeros(LOAD_SIZE)])
             law = self._flowing
             used = len(law.parameters)
             law = law.with_parameters(theta[:used])

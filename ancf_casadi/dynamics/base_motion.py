@@ -123,6 +123,12 @@ class FixedBase(BaseMotion):
         """Validate."""
         check_fields(self, displacement=vector, rotation=number)
 
+    @classmethod
+    def at(cls, node: Array, axis: tuple[float, float]) -> FixedBase:
+        """Return the base that holds the clamped node, the first four coordinates, of a beam with this axis."""
+        (ax, ay), (x, y, slope_x, slope_y) = axis, node[:4].tolist()
+        return cls((x, y), math.atan2(ax * slope_y - ay * slope_x, ax * slope_x + ay * slope_y))
+
     def pieces(self) -> tuple[Piece, ...]:
         """Return one piece at rest."""
         place = cs.DM([*self.displacement, self.rotation])

@@ -56,8 +56,8 @@ from ancf_casadi.support.inputs import check_instance, instances, positive, whol
 from ancf_casadi.support.interrupts import lasting_interrupts
 from ancf_casadi.support.last_calls import keep_last
 from ancf_casadi.support.tables import Displayed, Reported, Table, plural
-from ancf_casadi.vibration.assembly import BANDWIDTH
-from ancf_casadi.vibration.eigensolver import eigenvalue_rounding, eigenvalue_shift
+from ancf_casadi.vibration.assembly import BANDWIDTH, eigenvalue_shift
+from ancf_casadi.vibration.eigensolver import eigenvalue_rounding
 from ancf_casadi.vibration.equilibrium import Equilibrium
 from ancf_casadi.vibration.statics import primary_equilibrium, static_equilibrium
 

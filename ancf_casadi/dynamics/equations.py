@@ -41,7 +41,7 @@ from ancf_casadi.damping import DampingLaw
 from ancf_casadi.damping.law import refuse_branches, rotate_pairs
 from ancf_casadi.dynamics.placed_load import TIP, load_force, load_stiffness
 from ancf_casadi.mechanics.element import Element, Group
-from ancf_casadi.mechanics.loads import PointLoad
+from ancf_casadi.mechanics.loads import LineLoad, PointLoad
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.mechanics.nodes import NODE
 from ancf_casadi.mechanics.state import State
@@ -153,6 +153,11 @@ class Equations:
                 ((key, group), function) for key, function in zip(names, functions, strict=True)
             )
         return self._element_functions[name, group]
+
+    @cached_property
+    def flow(self) -> tuple[LineLoad, ...]:
+        """The loads of a flow on the beam at rest, if the law has one."""
+        return self.law.loads(self.model.beam)
 
     @property
     def free(self) -> int:
@@ -368,9 +373,8 @@ class Balance:
 
     def at_rest(self, e: cs.MX) -> cs.MX:
         """Return the forces on a beam at rest, Q_e - Q_g, and those of a flow."""
-        equations, still = self.equations, cs.MX.zeros(e.shape)
-        flowing = equations.law.loads(equations.model.beam)
-        return self.conservative(e) + self.local_damping(e, still) if flowing else self.conservative(e)
+        force = self.conservative(e)
+        return force + self.local_damping(e, cs.MX.zeros(e.shape)) if self.equations.flow else force
 
     def local(self, e: cs.MX, e_t: cs.MX, e_tt: cs.MX, load: cs.MX, overstrains: cs.MX | None = None) -> cs.MX:
         """Return all forces but the low-rank damping at all nodes, (4 n + 4, s), for loads (3 or 4, s)."""

@@ -13,7 +13,7 @@ from __future__ import annotations
 import contextlib
 import itertools
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -30,6 +30,8 @@ from ancf_casadi.support.arrays import Array
 NO_LOAD = HarmonicLoad((0.0, 0.0), 1.0)
 EXCITATION = 3 * NODE + LOAD_SIZE + 1  # components of the excitation
 ENERGIES = 3  # lost to damping, work of the base, work of the load
+SEGMENTS = 25  # per piece; a restart of IDAS costs about a hundred small steps
+MOST_SAMPLES = 250  # in a segment
 SAME_TIME = 1e-9  # instants are the same if they differ by less than this fraction of a sampling interval or step
 
 
@@ -89,6 +91,25 @@ class Excitation:
             return np.zeros((0, EXCITATION))
         return np.asarray(self._derivatives[1](times[None, :], self.parameters).full().T)
 
+    def segments(self, origin: float, rate: float) -> Iterator[Segment]:
+        """Divide the piece, whose ends may lie between two samples, into time segments that end at samples.
+
+        The first sample is at ``origin``, the start of the motion; the others follow at the given rate (1/s).
+        """
+        first = math.ceil((self.begin - origin) * rate - SAME_TIME)
+        last = math.floor((self.end - origin) * rate + SAME_TIME)
+        if first > last:
+            yield Segment(self.begin, self.end - self.begin, 1, 0)
+            return
+        if origin + first / rate - self.begin > SAME_TIME / rate:
+            yield Segment(self.begin, origin + first / rate - self.begin, 1, 1)
+        size = min(max(1, math.ceil((self.end - self.begin) * rate / SEGMENTS)), MOST_SAMPLES)
+        for k in range(first, last, size):
+            points = min(size, last - k)
+            yield Segment(origin + k / rate, points / rate, points, points, first=k == 0)
+        if self.end - origin - last / rate > SAME_TIME / rate:
+            yield Segment(origin + last / rate, self.end - origin - last / rate, 1, 0)
+
     @cached_property
     def _derivatives(self) -> tuple[cs.Function, cs.Function]:
         t, b = cs.MX.sym("t"), cs.MX.sym("b", self.parameters.size)
@@ -124,6 +145,13 @@ def excitation_pieces(
         ]
         pieces.append(Excitation(model, overlapping[0], overlapping[1], first, last, values))
     return pieces
+
+
+def sample_excitation(pieces: Sequence[Excitation]) -> tuple[Array, Array]:
+    """Return instants throughout a motion, (k,), s, and the excitation there, (k, 16)."""
+    instants = [np.linspace(piece.begin, piece.end, 1001) for piece in pieces]
+    values = [piece.function(times[None, :]).full().T for piece, times in zip(pieces, instants, strict=True)]
+    return np.concatenate(instants), np.vstack(values)
 
 
 def clamped_node(model: Model, displacement: cs.MX, t: cs.MX) -> cs.MX:
@@ -171,21 +199,3 @@ class Segment:
     def kept(self) -> slice:
         """Indices of the samples of the result in ``instants``."""
         return slice(0 if self.first else 1, self.samples + 1)
-
-
-def divide(begin: float, end: float, origin: float, rate: float, size: int) -> Iterator[Segment]:
-    """Divide [begin, end] into segments of ``size`` samples; ``begin`` and ``end`` may lie between two samples.
-
-    The first sample is at ``origin``, the start of the motion; the others follow at the given rate (1/s).
-    """
-    first, last = math.ceil((begin - origin) * rate - SAME_TIME), math.floor((end - origin) * rate + SAME_TIME)
-    if first > last:
-        yield Segment(begin, end - begin, 1, 0)
-        return
-    if origin + first / rate - begin > SAME_TIME / rate:
-        yield Segment(begin, origin + first / rate - begin, 1, 1)
-    for k in range(first, last, size):
-        points = min(size, last - k)
-        yield Segment(origin + k / rate, points / rate, points, points, first=k == 0)
-    if end - origin - last / rate > SAME_TIME / rate:
-        yield Segment(origin + last / rate, end - origin - last / rate, 1, 0)

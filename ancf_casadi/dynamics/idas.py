@@ -34,7 +34,7 @@ import functools
 import io
 import math
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -225,7 +225,7 @@ def integrate_by_idas(
     equations: Equations,
     piece: Excitation,
     start: State,
-    segments: Sequence[Segment],
+    segments: Iterable[Segment],
     tolerance: float,
     largest_step: float,
     options: Mapping[str, Any],

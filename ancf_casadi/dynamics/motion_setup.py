@@ -11,13 +11,14 @@ from types import NoneType
 import numpy as np
 
 from ancf_casadi.damping import DampingLaw, RayleighDamping
-from ancf_casadi.dynamics.base_motion import BaseMotion
+from ancf_casadi.dynamics.base_motion import BaseMotion, FixedBase
 from ancf_casadi.dynamics.equations import Equations, Make, as_they_are, shared_equations
-from ancf_casadi.dynamics.excitation import SAME_TIME, Excitation, excitation_pieces
+from ancf_casadi.dynamics.excitation import SAME_TIME, Excitation, excitation_pieces, sample_excitation
+from ancf_casadi.dynamics.limits import check_excitation, check_start
 from ancf_casadi.dynamics.placed_load import TIP
-from ancf_casadi.dynamics.start import AT_REST, Start, base_of_start, initial_state
+from ancf_casadi.dynamics.start import AT_REST, Start, initial_state
 from ancf_casadi.dynamics.tip_load import TipLoad
-from ancf_casadi.dynamics.tolerance import checked_excitation, expected_travel
+from ancf_casadi.dynamics.tolerance import expected_travel
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.mechanics.state import State
@@ -36,7 +37,7 @@ class MotionSetup:
     base: BaseMotion
     load: TipLoad | None
     pieces: Sequence[Excitation]  # smooth pieces of base and load, from the first to the last sample
-    checked: tuple[Array, Array]  # instants throughout the motion (k,), s, and the excitation there (k, 16)
+    excitation: tuple[Array, Array]  # instants throughout the motion (k,), s, and the excitation there (k, 16)
     start: State  # the initial state
     from_rest: bool  # whether this is an equilibrium under gravity, a flow and the first load
     sample_rate: float  # 1/s
@@ -45,11 +46,8 @@ class MotionSetup:
     @cached_property
     def travel(self) -> float:
         """The expected travel, relative to the length of the beam."""
-        equations = self.equations
-        flow = equations.law.loads(equations.model.beam)
-        return expected_travel(
-            equations.model, *self.checked, self.start, equations.place, flow, from_rest=self.from_rest
-        )
+        model, place, flow = self.equations.model, self.equations.place, self.equations.flow
+        return expected_travel(model, *self.excitation, self.start, place, flow, from_rest=self.from_rest)
 
 
 def set_up(
@@ -70,7 +68,9 @@ def set_up(
     check_instance(load, "load", TipLoad, NoneType)
     check_instance(start, "start", str, Equilibrium, State)
     duration, sample_rate = physical(duration, "duration"), physical(sample_rate, "sample_rate")
-    base = base_of_start(model, start) if base is None else base
+    if base is None and isinstance(start, State) and start.coordinates.shape == (model.size,):
+        base = FixedBase.at(start.coordinates, model.beam.axis)
+    base = FixedBase() if base is None else base
     load = None if load is None else load.along(model.beam)
     law, place = RayleighDamping() if damping is None else damping, TIP if load is None else load.place
     equations = shared_equations(model, law, make, place)
@@ -82,13 +82,16 @@ def set_up(
             "load",
         )
     pieces = excitation_pieces(model, base, load, begin, end)
+    excitation = sample_excitation(pieces)
+    check_excitation(model, *excitation)
+    check_start(model, pieces[0], start)
     return MotionSetup(
         equations=equations,
         base=base,
         load=load,
         pieces=pieces,
-        checked=checked_excitation(model, pieces),
-        start=initial_state(model, pieces[0], start, place, law.loads(model.beam)),
+        excitation=excitation,
+        start=initial_state(equations, pieces[0], start),
         from_rest=start in AT_REST,
         sample_rate=sample_rate,
         times=times,

@@ -8,17 +8,17 @@ its rate is continuous at the nodes, as S' is.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import casadi as cs
 import numpy as np
 
-from ancf_casadi.mechanics.loads import LineLoad, PointLoad
+from ancf_casadi.mechanics.loads import LineLoad, Load, PointLoad
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.mechanics.nodes import NODE
 from ancf_casadi.mechanics.strain import hermite, point_force
 from ancf_casadi.support.arrays import Array
-from ancf_casadi.vibration.equilibrium import Equilibrium
-from ancf_casadi.vibration.statics import static_equilibrium
+from ancf_casadi.vibration.statics import stable_position
 
 LOAD_SIZE = 3  # components of a load: force x and y, N, and moment, N m
 TIP = PointLoad()  # point and frame of a load at the tip
@@ -88,11 +88,9 @@ def _travelling_force(model: Model, load: cs.MX) -> cs.MX:
     return cs.vertcat(cs.MX(NODE * model.root, load.shape[1]), cs.reshape(cs.vertcat(*rows), NODE * count, -1))
 
 
-def equilibrium_under(model: Model, load: Array, place: PointLoad | None, further: Sequence[LineLoad]) -> Equilibrium:
-    """Return the static equilibrium under gravity, a load (3 or 4,) and further ones."""
+def coordinates_at_rest(model: Model, load: Array, place: PointLoad | None, further: Sequence[LineLoad]) -> Array:
+    """Return the coordinates of the stable equilibrium under gravity, a load (3 or 4,) and further ones."""
     force_x, force_y, moment, *travelled = load.tolist()
     place = PointLoad(point=travelled[0]) if place is None else place
-    if place == TIP:
-        return static_equilibrium(model, tip_force=(force_x, force_y), tip_moment=moment, loads=further)
-    load_at_point = PointLoad((force_x, force_y), moment, place.point, place.follower)
-    return static_equilibrium(model, loads=[load_at_point, *further])
+    loads: list[Load] = [replace(place, force=(force_x, force_y), moment=moment), *further]
+    return stable_position(model, tuple(load for load in loads if any(load.values)), side=1).coordinates

@@ -27,17 +27,15 @@ from tqdm import tqdm
 from ancf_casadi.damping import DampingLaw
 from ancf_casadi.dynamics.base_motion import BaseMotion
 from ancf_casadi.dynamics.dense_output import DenseMotion, SegmentSolution
-from ancf_casadi.dynamics.excitation import divide
 from ancf_casadi.dynamics.idas import integrate_by_idas
 from ancf_casadi.dynamics.motion_setup import MotionSetup, set_up
-from ancf_casadi.dynamics.radau.collocation import shared_form
 from ancf_casadi.dynamics.radau.stepper import integrate_by_radau
 from ancf_casadi.dynamics.start import Start
 from ancf_casadi.dynamics.tip_load import TipLoad
 from ancf_casadi.dynamics.tolerance import default_tolerance
 from ancf_casadi.dynamics.trajectory import IntegratorUse, Trajectory
 from ancf_casadi.exceptions import InputError, SimulationError
-from ancf_casadi.mechanics.mesh_limits import bends_allowed, warn_of_overbent_elements, warn_of_short_elements
+from ancf_casadi.mechanics.mesh_limits import warn_of_overbent_elements, warn_of_short_elements
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.mechanics.state import State
 from ancf_casadi.support.compilation import compile_together
@@ -47,7 +45,6 @@ from ancf_casadi.vibration.equilibrium import Equilibrium
 
 Method = Literal["auto", "idas", "radau"]
 
-SEGMENTS = 25  # per piece of the excitation; a restart of IDAS costs about a hundred small steps
 TIME_BAR = "{l_bar}{bar}| {n:.2f}/{total:.2f} s [{elapsed}<{remaining}]"
 
 
@@ -148,7 +145,7 @@ def simulate(
     tolerance = None if tolerance is None else physical(tolerance, "tolerance")
     largest_step, most_steps = positive_or_infinite(largest_step, "largest_step"), whole(most_steps, "most_steps", 1)
     hidden = not flag(progress, "progress")
-    with noted_interrupts(), bends_allowed():  # of which the motion tells below
+    with noted_interrupts():
         setup = set_up(
             model,
             duration=duration,
@@ -191,15 +188,12 @@ def _integrate(
     """Integrate a motion, and yield the solution on each time segment."""
     state = setup.start
     for piece in setup.pieces:
-        rate = setup.sample_rate
-        points = max(1, math.ceil((piece.end - piece.begin) * rate / SEGMENTS))
-        samples = min(points, 250)  # samples per segment
-        segments = list(divide(piece.begin, piece.end, setup.pieces[0].begin, rate, samples))
+        segments = piece.segments(use.start, setup.sample_rate)
         settings = piece, state, segments, use.tolerance, min(largest_step, piece.largest_step)
         if use.method == "idas":
             solutions = integrate_by_idas(setup.equations, *settings, options)
         else:
-            solutions = integrate_by_radau(shared_form(setup.equations), setup.equations.parameters, *settings)
+            solutions = integrate_by_radau(setup.equations, *settings)
         for solution in solutions:
             state = solution.end
             yield solution

@@ -1,4 +1,4 @@
-"""Default tolerances from the expected motion, and limits of what moves the beam.
+"""Default tolerances from the expected motion.
 
 An integrator with the local error tau relative to the length L of the beam damps a small motion of amplitude A, and
 shifts its frequency, by amounts that depend on tau L/A alone.  Three causes move the beam:
@@ -16,9 +16,6 @@ required.  The tolerances below keep the error of the tip under 1e-4 of its trav
 and the frequency within 3e-5 in the first five modes (``docs/accuracy.md``).  A release sets all modes in motion, of
 which the fast ones soon lose their phase: the error is then 5e-4 of the travel, less than records show, and the first
 mode keeps its damping ratio within 1e-6 and its frequency within 1e-6.
-
-An excitation beyond the limits would keep an integrator busy for minutes before it fails, so that it is refused before
-the first step.  The limits are far beyond experiments: a gantry travels some tens of lengths of its beam.
 """
 
 from __future__ import annotations
@@ -28,9 +25,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ancf_casadi.dynamics.excitation import Excitation
-from ancf_casadi.dynamics.placed_load import TIP, equilibrium_under
-from ancf_casadi.exceptions import EquilibriumError, InputError
+from ancf_casadi.dynamics.placed_load import TIP, coordinates_at_rest
+from ancf_casadi.exceptions import EquilibriumError
 from ancf_casadi.mechanics.loads import LineLoad, PointLoad
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.mechanics.nodes import NODE
@@ -42,8 +38,6 @@ LARGEST_TOLERANCE = {"idas": 1e-9, "radau": 1e-6}  # limits for large motion
 SMALLEST_TOLERANCE = {"idas": 1e-10, "radau": 1e-12}  # limits set by rounding
 NEGLIGIBLE = 1e-6  # A/L below which a cause is taken not to move the beam
 LEAST_OF_LARGEST = 0.1  # smallest expected travel, relative to the largest travel
-MOST_LENGTHS = 1000.0  # of travel of the clamp, and of deflection under the load by the theory of small deflections
-MOST_WAVE_SPEEDS = 10.0  # of velocity; a body that meets another at one wave speed is stretched by its own length
 
 
 def default_tolerance(method: str, travel: float) -> float:
@@ -89,52 +83,10 @@ def _rest(model: Model, excitation: Array, place: PointLoad | None, further: Seq
     """Return the node positions (k, 2) at rest under gravity and the loads; straight if there is no equilibrium."""
     turned = Model(model.beam.with_(axis=(float(excitation[2]), float(excitation[3]))), model.measures)
     try:
-        coordinates = equilibrium_under(turned, excitation[3 * NODE :], place, further).coordinates
+        coordinates = coordinates_at_rest(turned, excitation[3 * NODE :], place, further)
     except EquilibriumError:
         coordinates = turned.straight
     return np.asarray(coordinates.reshape(-1, NODE)[:, :2] + excitation[:2])
-
-
-def checked_excitation(model: Model, pieces: Sequence[Excitation]) -> tuple[Array, Array]:
-    """Return instants throughout a motion, (k,), s, and the excitation there, (k, 16), after a check of its size."""
-    instants = [np.linspace(piece.begin, piece.end, 1001) for piece in pieces]
-    values = [piece.function(times[None, :]).full().T for piece, times in zip(pieces, instants, strict=True)]
-    times, excitations = np.concatenate(instants), np.vstack(values)
-    length, clamp = model.beam.length, excitations[:, : 3 * NODE]
-    finite = np.isfinite(clamp).all(axis=1)
-    if not finite.all():
-        raise InputError(f"its position, velocity or acceleration is not finite at {times[~finite][0]:g} s", "base")
-    travel = np.hypot(*(clamp[:, :2] - clamp[0, :2]).T)
-    if travel.max() > MOST_LENGTHS * length:
-        raise InputError(
-            f"moves the clamp by {travel.max():.3g} m until {times[travel.argmax()]:g} s, but the beam is {length:g} m "
-            f"long; at most {MOST_LENGTHS:g} lengths are possible. Check the unit",
-            "base",
-        )
-    velocity = clamp[:, NODE : 2 * NODE]
-    speed = np.hypot(velocity[:, 0], velocity[:, 1]) + length * np.hypot(velocity[:, 2], velocity[:, 3])
-    check_speed(model, float(speed.max()), f"at {times[speed.argmax()]:g} s", "base")
-    load = excitations[:, 3 * NODE :]
-    bent = max(deflection(model, times, load - load[0]), deflection(model, times, np.broadcast_to(load[0], load.shape)))
-    if not bent <= MOST_LENGTHS:
-        raise InputError(
-            f"would bend the beam by {bent:.3g} of its lengths, if the deflection were small; at most {MOST_LENGTHS:g} "
-            "are possible. Check the unit",
-            "load",
-        )
-    return times, excitations
-
-
-def check_speed(model: Model, speed: float, at: str, where: str) -> None:
-    """Refuse a velocity, m/s, of more than ten times that of longitudinal waves in the beam, (E/rho)^1/2."""
-    _, _, density, modulus = model.properties
-    waves = math.sqrt(float((modulus / density).max()))
-    if not speed <= MOST_WAVE_SPEEDS * waves:
-        raise InputError(
-            f"moves at {speed:.3g} m/s {at}, more than {MOST_WAVE_SPEEDS:g} times as fast as longitudinal waves in the "
-            f"beam, {waves:.3g} m/s. Check the unit",
-            where,
-        )
 
 
 def deflection(model: Model, times: Array, loads: Array) -> float:

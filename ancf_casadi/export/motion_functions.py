@@ -157,7 +157,7 @@ def beam_functions(
     equations = Equations(model, RayleighDamping() if damping is None else damping)
     markers = numbers(markers, "markers")
     points = [cs.DM(model.interpolation(s)) for s in markers]
-    static_state = static_equilibrium(model, loads=equations.law.loads(model.beam))
+    static_state = static_equilibrium(model, loads=equations.flow)
     lowest_modes = natural_modes(model, count=whole(modes, "modes", 1, model.freedoms), equilibrium=static_state)
     parameters, size = parameter_signals(equations), model.freedoms
     sizes = {"q": size, "v": size, "a": size, "base": len(base_signals()), "p": len(parameters)}

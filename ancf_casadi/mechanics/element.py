@@ -143,8 +143,7 @@ def element(
     return derived_element(
         inputs=(e, e_t, p),
         straight=unstressed,
-        strains=cs.vertcat(*(strain for strain, _ in eps + kappa)),
-        weights=d,
+        energy=(cs.vertcat(*(strain for strain, _ in eps + kappa)), d),
         mass=mass,
         line_mass=line_mass,
         gravity=mu * l * cs.repmat(units, 1, 2) * unit_weight,
@@ -169,8 +168,7 @@ def _arc(l: cs.SX, curvature: cs.SX) -> cs.SX:
 def derived_element(
     inputs: tuple[cs.SX, cs.SX, cs.SX],
     straight: cs.SX,
-    strains: cs.SX | None = None,
-    weights: cs.SX | None = None,
+    energy: tuple[cs.SX, cs.SX] | None = None,
     mass: cs.SX | None = None,
     line_mass: cs.SX | None = None,
     gravity: cs.SX | None = None,
@@ -180,12 +178,12 @@ def derived_element(
     """Derive the Functions of an element with a mass and the strain energy U = 1/2 sum_i d_i s_i^2, both 0 by default.
 
     The inputs are symbols of e (d), e_t (d) and the properties p; ``straight`` (d,) are the coordinates of the
-    undeformed element, ``strains`` and ``weights`` its s(e) and d(p).  ``line_mass`` is the part of the mass M (d, d)
-    from mass along the beam, ``gravity`` (d, 2) is Q_g per unit acceleration of gravity, and ``surface`` holds S (2, d)
-    and the mass at each point where drag and friction act.  ``dashpot`` (d,) is a force that resists e_t.
+    undeformed element, and ``energy`` its s(e) and d(p).  ``line_mass`` is the part of the mass M (d, d) from mass
+    along the beam, ``gravity`` (d, 2) is Q_g per unit acceleration of gravity, and ``surface`` holds S (2, d) and the
+    mass at each point where drag and friction act.  ``dashpot`` (d,) is a force that resists e_t.
     """
     e, e_t, p = inputs
-    s, d = (cs.SX(0, 1) if argument is None else argument for argument in (strains, weights))
+    s, d = energy or (cs.SX(0, 1), cs.SX(0, 1))
     no_mass = cs.SX.zeros(e.numel(), e.numel())
     mass, line_mass = no_mass if mass is None else mass, no_mass if line_mass is None else line_mass
     weight = cs.SX.zeros(e.numel(), 2) if gravity is None else gravity

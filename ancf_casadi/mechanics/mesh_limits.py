@@ -20,6 +20,7 @@ from ancf_casadi.support.arrays import Array
 MAX_BEND = 0.5  # of an element, rad; the error of positions is then 3e-4 of the length, and grows steeply
 SHAPES_TOGETHER = 1024  # shapes of the beam whose angles are computed at once
 SHORTEST_PER_BEND = 0.9  # thicknesses per rad; an arc of shorter elements is unstable
+SHORT_ELEMENTS_ADVICE = "elements as short as the beam is thick are unstable in bending: use fewer"
 
 
 def largest_bend(model: Model, coordinates: Array) -> float:
@@ -59,13 +60,6 @@ def bends_allowed() -> Iterator[None]:
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", "an element bends")
         yield
-
-
-def short_elements_advice(model: Model) -> str:
-    """Return advice on elements so short that a bent beam is unstable; empty if none is."""
-    if model.measures.axial_points > 2 or model.beam.element_lengths.min() >= 1.5 * max(model.beam.thickness):
-        return ""
-    return "elements as short as the beam is thick are unstable in bending: use fewer"
 
 
 def warn_of_short_elements(model: Model, coordinates: Array) -> None:

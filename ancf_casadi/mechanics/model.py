@@ -111,6 +111,12 @@ class Model(Nodes):
         """The lumped properties of the beam by name (``Beam.lumped``)."""
         return self.beam.lumped
 
+    @property
+    def has_short_elements(self) -> bool:
+        """True if elements are about as short as the beam is thick, and therefore unstable where it bends."""
+        beam = self.beam
+        return self.measures.axial_points <= 2 and bool(beam.element_lengths.min() < 1.5 * max(beam.thickness))
+
     @cached_property
     def element(self) -> Element:
         """The Functions of one beam element."""

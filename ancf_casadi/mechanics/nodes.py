@@ -25,7 +25,7 @@ import numpy as np
 
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.beam import Beam
-from ancf_casadi.mechanics.strain import gauss, hermite, hermite_curvature, hermite_slope
+from ancf_casadi.mechanics.strain import axial_strain, gauss, hermite, hermite_curvature, hermite_slope
 from ancf_casadi.mechanics.supports import Clamp
 from ancf_casadi.support.arrays import Array, Index
 from ancf_casadi.support.inputs import number
@@ -221,6 +221,18 @@ class Nodes(Displayed):
         return self.whole(q, cast(V, fixed_base))
 
     @cached_property
+    def rigid_motion(self) -> cs.Function:
+        """(e, velocity of the clamped node) -> velocities of a beam that moves with it as a rigid body."""
+        e, velocity = cs.MX.sym("e", self.size), cs.MX.sym("velocity", NODE)
+        nodes = cs.reshape(e, NODE, -1)
+        x, y = nodes[2, 0], nodes[3, 0]
+        turn = (x * velocity[3] - y * velocity[2]) / (x * x + y * y)
+        arms = nodes - cs.vertcat(nodes[:2, 0], 0.0, 0.0)
+        turning = cs.vertcat(-arms[1, :], arms[0, :], -arms[3, :], arms[2, :])
+        moved = turn * turning + cs.vertcat(velocity[:2], 0.0, 0.0)
+        return cs.Function("rigid_motion", [e, velocity], [cs.vec(moved)])
+
+    @cached_property
     def displacement(self) -> Array:
         """The way of each coordinate from its place without load to that at which a support holds it, (size,)."""
         base = np.array([0.0, 0.0, *self.beam.axis])
@@ -258,10 +270,15 @@ class Nodes(Displayed):
         first, second = (begin + gauss(2)[0] * (end - begin)).tolist()
         return first, second
 
-    def gauss_slopes(self, e: Array) -> Array:
-        """Return r' at the two Gauss points of each element, (2, 2 n)."""
-        points = [s for index in range(self.beam.elements) for s in self.gauss_points(index)]
-        return np.array([self.slope_interpolation(s) @ e for s in points]).T
+    @property
+    def all_gauss_points(self) -> list[float]:
+        """The arc lengths of the two Gauss points of each element, m."""
+        return [s for index in range(self.beam.elements) for s in self.gauss_points(index)]
+
+    def gauss_strains(self, e: Array) -> Array:
+        """Return the engineering axial strain at the two Gauss points of each element, (2 n,)."""
+        slopes = np.array([self.slope_interpolation(s) @ e for s in self.all_gauss_points])
+        return np.asarray(axial_strain(slopes.T, "engineering"))
 
     def end_angles(self, e: Array) -> Array:
         """Return the angles from the slopes at both ends of each element to its chord, (..., n, 2), rad.

@@ -44,7 +44,7 @@ def spring() -> Element:
     """Derive the Functions of a spring for e = (r_b, tau_b, r, tau) and p = (alpha, beta, x, y, k)."""
     e, e_t, p = symbols(8, 5)
     elongation = cs.dot(_relative_position(e, p[0], p[1]), p[2:4])
-    return derived_element((e, e_t, p), cs.SX([0, 0, 1, 0, 0, 0, 1, 0]), elongation, p[4])
+    return derived_element((e, e_t, p), cs.SX([0, 0, 1, 0, 0, 0, 1, 0]), (elongation, p[4]))
 
 
 @cache
@@ -72,7 +72,7 @@ def rotational_spring() -> Element:
     base, slope = turn(e[2:4]), e[6:8]
     theta = cs.atan2(base[0] * slope[1] - base[1] * slope[0], cs.dot(base, slope))
     straight = cs.vertcat(0, 0, *axis, 0, 0, turn(cs.vertcat(*axis)))
-    return derived_element((e, e_t, p), straight, theta, stiffness)
+    return derived_element((e, e_t, p), straight, (theta, stiffness))
 
 
 @cache
@@ -81,7 +81,7 @@ def slope_length() -> Element:
     e, e_t, p = symbols(4, ELEMENT_PROPERTIES)
     width, thickness, _, elastic_modulus, l, *axis = cs.vertsplit(p)
     sigma = cs.norm_2(e[2:]) - 1
-    return derived_element((e, e_t, p), cs.vertcat(0, 0, *axis), sigma, elastic_modulus * width * thickness * l)
+    return derived_element((e, e_t, p), cs.vertcat(0, 0, *axis), (sigma, elastic_modulus * width * thickness * l))
 
 
 @cache

@@ -195,8 +195,7 @@ def project_model(modes: Modes, nodal: Slopes, selected: Slopes, drag_points: in
 def _bending_stiffness(model: Model, nodal: Slopes) -> Array:
     """Return K_b, the integral of E I Theta'^2, with the torsional springs between beam and base."""
     beam, slope_angles = model.beam, nodal.shape @ nodal.rotations
-    points = [s for index in range(beam.elements) for s in model.gauss_points(index)]
-    curvature = np.array([model.curvature_interpolation(s)[0, ::2] for s in points]) @ slope_angles
+    curvature = np.array([model.curvature_interpolation(s)[0, ::2] for s in model.all_gauss_points]) @ slope_angles
     width, thickness, _, modulus = model.properties
     stiffness = np.kron(modulus * width * thickness**3 / 12 * beam.element_lengths, gauss(2)[1])
     springs: list[Any] = [spring for spring in beam.attachments if isinstance(spring, RotationalSpring)]

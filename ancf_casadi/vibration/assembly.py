@@ -37,6 +37,7 @@ from ancf_casadi.mechanics.model import Model
 from ancf_casadi.mechanics.nodes import NODE
 from ancf_casadi.mechanics.strain import gauss_pairs, hermite, hermite_slope, point_force
 from ancf_casadi.support.arrays import Array, Index
+from ancf_casadi.support.banded import sparse
 from ancf_casadi.support.compilation import Buffered
 
 BANDWIDTH = 2 * NODE - 1  # diagonals on either side of the main one
@@ -287,6 +288,10 @@ class Structure:
             mass += scatter(band_indices, masses if products is None else products * masses, bands * N + 1)
         return self.model.of_free(force)[:, 0], stiffness[:-1].reshape(bands, N), mass[:-1].reshape(bands, N)
 
+    def regular_stiffness(self, stiffness: Array, mass: Array) -> Array:
+        """Return K by diagonals, shifted if the supports do not hold the beam, so that it has an inverse."""
+        return stiffness if self.model.is_held else stiffness + eigenvalue_shift(self.model, stiffness, mass) * mass
+
     def stiffness_product(self, at: Position) -> Callable[[Array], Array]:
         """Return x -> K x for the free coordinates, summed element by element."""
         product = self.whole_product(at)
@@ -309,6 +314,15 @@ class Structure:
             return model.of_free(force)[:, 0]
 
         return product
+
+
+def eigenvalue_shift(model: Model, stiffness: Array, mass: Array) -> float:
+    """Return the shift a of the pencil K + a M (``eigensolver``), stored by diagonals, (rad/s)^2."""
+    translation, positions = (model.of_free(np.resize(row, model.size)) for row in ([1.0, 0, 0, 0], [1.0, 1.0, 0, 0]))
+    total_mass = translation @ (sparse(mass) @ translation)
+    if not total_mass:  # supports hold the positions of all nodes
+        return 0.0
+    return float(10.0 * EPSILON * (stiffness[BANDWIDTH] @ (positions != 0.0)) / total_mass)  # c in the shift a
 
 
 def relative_coordinates(rows: Array) -> Array:

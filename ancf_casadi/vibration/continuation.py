@@ -37,7 +37,6 @@ from ancf_casadi.mechanics.supports import Clamp
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.banded import BandedFactors, factorise
 from ancf_casadi.vibration.assembly import BANDWIDTH, Position, Structure, solve_refined
-from ancf_casadi.vibration.eigensolver import eigenvalue_shift
 from ancf_casadi.vibration.equilibrium import Equilibrium
 
 MAX_STEP = 0.05  # change of the factor per step, relative to the largest factor, and first step along a branch
@@ -54,8 +53,15 @@ class ProportionalLoading:
 
     model: Model
     loads: tuple[Load, ...]
-    largest: float
-    weight: Array | float = 0.0  # forces that grow with the factor too, whatever the shape, such as gravity, (N,), N
+    largest: float = 1.0
+    with_weight: bool = False  # whether the forces on the straight beam, such as gravity, grow with the factor too
+
+    @cached_property
+    def weight(self) -> Array | float:
+        """The forces that grow with the factor, whatever the shape of the beam, (N,), N."""
+        if not self.with_weight:
+            return 0.0
+        return -Structure.of(self.model).linearisation(Position.of(self.model.straight))[0]
 
     @cached_property
     def moves(self) -> bool:
@@ -109,12 +115,11 @@ class PathPoint:
         return self.equilibrium.exact
 
     @cached_property
-    def balance(self) -> tuple[Array, Array, Array]:
-        """The balance R, and K, shifted if the supports do not hold the beam, and M, stored by diagonals."""
-        force, stiffness, mass = self.structure.linearisation(self.at)
-        if not self.loading.model.is_held:
-            stiffness = stiffness + eigenvalue_shift(self.structure.model, stiffness, mass) * mass
-        return force + (1.0 - self.factor / self.loading.largest) * self.loading.weight, stiffness, mass
+    def balance(self) -> tuple[Array, Array]:
+        """The balance R, and K, shifted if the supports do not hold the beam, stored by diagonals."""
+        force, *matrices = self.structure.linearisation(self.at)
+        relief = (1.0 - self.factor / self.loading.largest) * self.loading.weight
+        return force + relief, self.structure.regular_stiffness(*matrices)
 
     @cached_property
     def factors(self) -> BandedFactors:

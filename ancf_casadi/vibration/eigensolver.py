@@ -34,7 +34,7 @@ from ancf_casadi.exceptions import EquilibriumError
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.banded import sparse
-from ancf_casadi.vibration.assembly import BANDWIDTH, EPSILON, Position, Structure, solve_refined
+from ancf_casadi.vibration.assembly import BANDWIDTH, EPSILON, Position, Structure, eigenvalue_shift, solve_refined
 
 
 def lowest_modes(structure: Structure, at: Position, count: int) -> tuple[Array, Array] | None:
@@ -78,15 +78,6 @@ def eigenvalue_rounding(model: Model) -> float:
     """Return the size below which a squared angular frequency is zero, (rad/s)^2."""
     width, thickness, _, modulus = model.properties
     return 100 * EPSILON * float((modulus * width * thickness).max()) / (model.beam.mass * model.beam.length)
-
-
-def eigenvalue_shift(model: Model, stiffness: Array, mass: Array) -> float:
-    """Return the shift a for matrices of the free coordinates, stored by diagonals, (rad/s)^2."""
-    translation, positions = (model.of_free(np.resize(row, model.size)) for row in ([1.0, 0, 0, 0], [1.0, 1.0, 0, 0]))
-    total_mass = translation @ (sparse(mass) @ translation)
-    if not total_mass:  # supports hold the positions of all nodes
-        return 0.0
-    return float(10.0 * EPSILON * (stiffness[BANDWIDTH] @ (positions != 0.0)) / total_mass)  # c in the shift a
 
 
 def _lowest_eigenvectors(

@@ -26,8 +26,8 @@ from ancf_casadi.mechanics.nodes import NODE
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.banded import factorise, sparse
 from ancf_casadi.support.tables import Reported, Table, plural
-from ancf_casadi.vibration.assembly import Position, Structure, solve_refined
-from ancf_casadi.vibration.eigensolver import eigenvalue_shift, is_definite, lowest_modes
+from ancf_casadi.vibration.assembly import Position, Structure, eigenvalue_shift, solve_refined
+from ancf_casadi.vibration.eigensolver import is_definite, lowest_modes
 
 MAX_ROTATION = 0.5  # norm of the change of a slope vector in one load step; about the angle, rad
 
@@ -159,13 +159,12 @@ def neighbouring_equilibrium(
     converged = False
     for _ in range(12):
         position = Position.of(position.coordinates)
-        force, stiffness, mass = structure.linearisation(position)
-        if not model.is_held:
-            stiffness = stiffness + eigenvalue_shift(model, stiffness, mass) * mass
+        force, *matrices = structure.linearisation(position)
         if support_motion is not None:
             force = force + structure.whole_product(position)(support_motion)
         try:
-            step = -solve_refined(factorise(stiffness).solve, structure.stiffness_product(position), force + relief)
+            solve = factorise(structure.regular_stiffness(*matrices)).solve
+            step = -solve_refined(solve, structure.stiffness_product(position), force + relief)
         except np.linalg.LinAlgError:
             return None
         if not np.isfinite(step).all():

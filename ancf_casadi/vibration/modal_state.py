@@ -73,7 +73,7 @@ from ancf_casadi.mechanics.model import Model
 from ancf_casadi.support.arrays import Array, Index
 from ancf_casadi.support.banded import BandedFactors, factorise, sparse
 from ancf_casadi.vibration.assembly import BANDWIDTH, EqualElements, Position, Structure, per_element, scatter
-from ancf_casadi.vibration.eigensolver import eigenvalue_shift, lowest_modes
+from ancf_casadi.vibration.eigensolver import lowest_modes
 from ancf_casadi.vibration.equilibrium import neighbouring_equilibrium
 from ancf_casadi.vibration.modes import Modes
 
@@ -139,9 +139,7 @@ class ModalState:
     @cached_property
     def stiffness_factors(self) -> BandedFactors:
         """Factors of the stiffness K of the free coordinates, shifted as for the modes if the beam is not held."""
-        stiffness, mass = self._matrices
-        shift = 0.0 if self.model.is_held else eigenvalue_shift(self.model, stiffness, mass)
-        return factorise(stiffness + shift * mass if shift else stiffness)
+        return factorise(self.structure.regular_stiffness(*self._matrices))
 
     @cached_property
     def pencil_solvers(self) -> list[Callable[[Array], Array]]:

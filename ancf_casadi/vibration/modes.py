@@ -28,7 +28,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ancf_casadi.exceptions import EquilibriumError, InputError
-from ancf_casadi.mechanics.mesh_limits import short_elements_advice, warn_of_overbent_elements
+from ancf_casadi.mechanics.mesh_limits import SHORT_ELEMENTS_ADVICE, warn_of_overbent_elements
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.mechanics.nodes import NODE
 from ancf_casadi.mechanics.state import State
@@ -335,10 +335,9 @@ def natural_modes(model: Model, *, count: int = 5, equilibrium: Equilibrium | No
         raise InputError("belongs to another model", "equilibrium")
     solution = lowest_modes(equilibrium.structure, equilibrium.exact, count)
     if solution is None:
-        advice = short_elements_advice(model)
         raise EquilibriumError(
             "the equilibrium is unstable, so it has no modes; a standing beam may be too slender for its weight"
-            + (f", and {advice}" if advice else "")
+            + (f", and {SHORT_ELEMENTS_ADVICE}" if model.has_short_elements else "")
         )
     eigenvalues, shapes = solution
     # an eigenvalue at this limit is wrong by up to a tenth of a percent

@@ -19,9 +19,9 @@ import numpy as np
 
 from ancf_casadi.exceptions import EquilibriumError, InputError
 from ancf_casadi.mechanics.loads import LineLoad, Load, PointLoad, loads_text
-from ancf_casadi.mechanics.mesh_limits import short_elements_advice, warn_of_overbent_elements
+from ancf_casadi.mechanics.mesh_limits import SHORT_ELEMENTS_ADVICE, warn_of_overbent_elements
 from ancf_casadi.mechanics.model import Model
-from ancf_casadi.support.inputs import check_instance, check_size, instances, number, vector, whole
+from ancf_casadi.support.inputs import check_instance, instances, limited_number, limited_vector, whole
 from ancf_casadi.support.interrupts import lasting_interrupts
 from ancf_casadi.support.last_calls import keep_last
 from ancf_casadi.vibration.assembly import Position, Structure
@@ -40,7 +40,6 @@ from ancf_casadi.vibration.equilibrium import Equilibrium, neighbouring_equilibr
 MAX_PATH_STEPS = 500  # along the path to a stable equilibrium; buckled, slack and hanging strips take 10 to 150
 
 
-@lasting_interrupts()
 def static_equilibrium(
     model: Model,
     *,
@@ -97,26 +96,27 @@ def static_equilibrium(
     [63, -63]
     """
     check_instance(model, "model", Model)
-    force, moment = vector(tip_force, "tip_force"), number(tip_moment, "tip_moment")
-    check_size(force, "tip_force")
-    check_size(moment, "tip_moment")
+    force, moment = limited_vector(tip_force, "tip_force"), limited_number(tip_moment, "tip_moment")
     other_loads, side = instances(loads, "loads", PointLoad, LineLoad, minimum=0), whole(side, "side", -1, 1)
     if side == 0:
         raise InputError("must be 1 or -1", "side")
     straight = Equilibrium(model, model.straight, force, moment, loads=other_loads)
-    position = stable_position(model, straight.all_loads, side)
+    position = stable_position(model, straight.all_loads, side=side)
     warn_of_overbent_elements(model, position.coordinates)
     return replace(straight, coordinates=position.coordinates.copy(), remainder=position.remainder.copy())
 
 
 @keep_last(8)
-def stable_position(model: Model, loads: tuple[Load, ...], side: int = 1) -> Position:
+@lasting_interrupts()
+def stable_position(model: Model, loads: tuple[Load, ...], *, side: int) -> Position:
     """Return the coordinates of ``static_equilibrium``, without a warning; a run finds those of an earlier one again.
 
     The mesh of too short elements is unstable where the beam is not, so that its stability tells nothing.
     """
-    at, factor = _follow_load(model, loads, stable=not short_elements_advice(model))
-    position = at if factor >= 1.0 else _follow_path(model, loads, side)
+    loading = ProportionalLoading(model, loads, with_weight=True)
+    position, factor = _follow_load(loading, stable=not model.has_short_elements)
+    if factor < 1.0:
+        position = _follow_path(loading, side)
     for array in (position.coordinates, position.remainder):
         array.setflags(write=False)
     return position
@@ -124,43 +124,42 @@ def stable_position(model: Model, loads: tuple[Load, ...], side: int = 1) -> Pos
 
 def primary_equilibrium(model: Model, loads: Sequence[Load]) -> Equilibrium:
     """Return the equilibrium under loads on the path from the straight beam, stable or not; branches are not taken."""
-    at, factor = _follow_load(model, loads, stable=False)
+    loading = ProportionalLoading(model, tuple(loads), with_weight=True)
+    at, factor = _follow_load(loading, stable=False)
     if factor < 1.0:
-        raise _no_equilibrium(model, loads, factor)
-    return Equilibrium(model, at.coordinates, remainder=at.remainder, loads=tuple(loads))
+        raise _no_equilibrium(loading, factor)
+    return Equilibrium(model, at.coordinates, remainder=at.remainder, loads=loading.loads)
 
 
-def _follow_load(model: Model, loads: Sequence[Load], *, stable: bool) -> tuple[Position, float]:
+def _follow_load(loading: ProportionalLoading, *, stable: bool) -> tuple[Position, float]:
     """Return the last equilibrium, or the last stable one, up to the full load in steps of the load, and its factor."""
-    position, factor, step, trials = Position.of(model.straight), 0.0, 1.0, 0
-    weight = -Structure.of(model).linearisation(position)[0]
+    model, position, factor, step, trials = loading.model, Position.of(loading.model.straight), 0.0, 1.0, 0
     support_motion = model.displacement if model.displacement.any() else None
     # a path that needs smaller steps of the load factor, or more of them, is close to a critical point
     while factor < 1.0 and step >= 1e-5 and trials < 500:
         trials += 1
         s = min(factor + step, 1.0)
-        loaded = Equilibrium(model, position.coordinates, loads=tuple(load.scaled(s) for load in loads))
+        loads = tuple(load.scaled(s) for load in loading.loads)
         motion = None if support_motion is None else (s - factor) * support_motion
-        trial = neighbouring_equilibrium(loaded.structure, position, (1.0 - s) * weight, motion)
+        trial = neighbouring_equilibrium(Structure.of(model, loads), position, (1.0 - s) * loading.weight, motion)
         if trial is None:
             step /= 2
             continue
-        if stable and not replace(loaded, coordinates=trial.coordinates, remainder=trial.remainder).stable:
+        if stable and not Equilibrium(model, trial.coordinates, remainder=trial.remainder, loads=loads).stable:
             break
         position, factor = trial, s
         step *= 2
     return position, factor
 
 
-def _follow_path(model: Model, loads: Sequence[Load], side: int) -> Position:
+def _follow_path(loading: ProportionalLoading, side: int) -> Position:
     """Return the stable equilibrium under the full load at the end of the path from the straight beam."""
-    straight = Position.of(model.straight)
-    loading = ProportionalLoading(model, tuple(loads), 1.0, -Structure.of(model).linearisation(straight)[0])
-    point, factor = PathPoint(loading, model.of_free(model.straight), 0.0, straight.remainder), 0.0
+    straight, factor = loading.model.straight, 0.0
+    point = PathPoint(loading, loading.model.of_free(straight), 0.0, np.zeros_like(straight))
     try:
         tangent = point.tangent(np.append(np.zeros(point.q.size), 1.0))
     except np.linalg.LinAlgError:
-        raise _no_equilibrium(model, loads, factor) from None
+        raise _no_equilibrium(loading, factor) from None
     steps, unstable_modes = follow_path(point, tangent, longest_step(tangent)), 0
     for _ in range(MAX_PATH_STEPS):
         path_step = next(steps, None)
@@ -174,7 +173,7 @@ def _follow_path(model: Model, loads: Sequence[Load], side: int) -> Position:
             factor = max(factor, path_step.end.factor)
             if factor >= 1.0:
                 return path_step.end.at
-    raise _no_equilibrium(model, loads, factor, snaps=unstable_modes > 0)
+    raise _no_equilibrium(loading, factor, snaps=unstable_modes > 0)
 
 
 def _follow_branch(crossing: PathPoint, side: int) -> Iterator[PathStep]:
@@ -192,25 +191,25 @@ def _follow_branch(crossing: PathPoint, side: int) -> Iterator[PathStep]:
         yield from branches[k]
 
 
-def _no_equilibrium(model: Model, loads: Sequence[Load], factor: float, *, snaps: bool = False) -> EquilibriumError:
+def _no_equilibrium(loading: ProportionalLoading, factor: float, *, snaps: bool = False) -> EquilibriumError:
     """Return the error of a path of equilibria that has none, or none that is stable, beyond a load factor."""
     advice = (
         ". Either an element bends by more than half a radian, which a cubic cannot follow (use more elements), or the "
         "beam buckles, or a value is in the wrong unit"
     )
-    if not model.is_held:
+    if not loading.model.is_held:
         advice = (
             ": the supports do not hold the beam against rigid motions. Hold it, turn it to where it hangs, or "
             "simulate its motion from start='straight'"
         )
-    elif short := short_elements_advice(model):
-        advice = f": {short}"
+    elif loading.model.has_short_elements:
+        advice = f": {SHORT_ELEMENTS_ADVICE}"
     elif snaps:
         advice = (
             ": there the path of equilibria turns unstable, and the beam snaps to a distant shape. Simulate the "
             "motion, use more elements if one bends by more than half a radian, or follow the path by equilibrium_path"
         )
     return EquilibriumError(
-        f"no static equilibrium was found beyond {factor:.4g} of the load ({loads_text(loads)}, "
-        f"gravity {model.beam.gravity} m/s^2){advice}"
+        f"no static equilibrium was found beyond {factor:.4g} of the load ({loads_text(loading.loads)}, "
+        f"gravity {loading.model.beam.gravity} m/s^2){advice}"
     )

@@ -52,7 +52,16 @@ from ancf_casadi.exceptions import FitError, InputError
 from ancf_casadi.mechanics.mesh_limits import bends_allowed
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.records.measurement import Measurement
-from ancf_casadi.support.inputs import check_instance, flag, instances, is_sequence, positive, shown, whole
+from ancf_casadi.support.inputs import (
+    check_fields,
+    check_instance,
+    flag,
+    instances,
+    is_sequence,
+    positive,
+    shown,
+    whole,
+)
 from ancf_casadi.support.interrupts import lasting_interrupts
 from ancf_casadi.support.parallel import run_all
 from ancf_casadi.support.progress import counter
@@ -88,6 +97,28 @@ from problems.beam.unknowns import (
 from problems.beam.values.records import FrequencyRecord, PropertyRecord, StaticRecord, ValueBlock
 
 Record = Measurement | MotionRecord | MarkerRecord | ResponseRecord | StaticRecord | FrequencyRecord
+
+
+@dataclass(frozen=True)
+class FitSettings:
+    """The settings of ``fit_beam``."""
+
+    unknowns: Sequence[str] | None = None
+    fixed: Sequence[str] = ()
+    bounds: Bounds | None = None
+    priors: Priors | None = None
+    robust: bool = False
+    tolerance: float | None = None
+    modes: int | None = None
+    harmonics: int = 5
+
+    def __post_init__(self) -> None:
+        """Validate what does not depend on the records."""
+        for name in ("bounds", "priors"):
+            check_instance(getattr(self, name), name, Mapping, NoneType)
+        check_fields(self, robust=flag)
+        if self.tolerance is not None:
+            check_fields(self, tolerance=positive)
 
 
 @lasting_interrupts()
@@ -186,14 +217,13 @@ def fit_beam(
     >>> print(f"{value / 1e9:.0f} +- {error / 1e9:.0f} GPa")
     219 +- 1 GPa
     """
-    settings: Any = {"unknowns": unknowns, "fixed": fixed, "bounds": bounds, "priors": priors, "robust": robust,
-                     "tolerance": tolerance, "modes": modes, "harmonics": harmonics}  # fmt: skip
+    settings = FitSettings(unknowns, fixed, bounds, priors, robust, tolerance, modes, harmonics)
     with counter("fit", shown=flag(progress, "progress")), bends_allowed():
-        problem, start_model, first = beam_problem(model, records, damping, **settings)
+        problem, start_model, first = beam_problem(model, records, damping, settings)
         only_values = all(isinstance(block, ValueBlock) for block in problem.blocks)
         motions = [(block.model, block.numbered) for block in problem.blocks if isinstance(block, MotionBlock)]
         solution = solve(problem, starts(problem.unknowns, first, motions, only_values=only_values))
-    again = partial(fit_beam, model, damping=damping, **settings)
+    again = partial(fit_beam, model, damping=damping, **vars(settings))
     law = damping or SumOfLaws(())
     return BeamFit(solution.fit, solution, given=start_model, guess=law, first=first, again=again)
 
@@ -218,7 +248,7 @@ def compute_guesses(model: Model, records: Any, damping: DampingLaw | None = Non
         If the values of a record cannot be computed.
     """
     with bends_allowed():
-        problem, *_ = beam_problem(model, records, damping, **settings)
+        problem, *_ = beam_problem(model, records, damping, FitSettings(**settings))
         guesses = {unknown.name: unknown.guess for unknown in problem.unknowns}
         channels: list[PredictedChannel] = []
         for block in problem.blocks:
@@ -231,19 +261,7 @@ def compute_guesses(model: Model, records: Any, damping: DampingLaw | None = Non
 
 
 def beam_problem(
-    model: Model,
-    records: Any,
-    damping: DampingLaw | None,
-    *,
-    unknowns: Sequence[str] | None = None,
-    fixed: Sequence[str] = (),
-    bounds: Bounds | None = None,
-    priors: Priors | None = None,
-    robust: bool = False,
-    tolerance: float | None = None,
-    modes: int | None = None,
-    harmonics: int = 5,
-    apart: bool = False,
+    model: Model, records: Any, damping: DampingLaw | None, settings: FitSettings, *, apart: bool = False
 ) -> tuple[FitProblem, Model, dict[str, float]]:
     """Return the problem of ``fit_beam``, the model with first values, and those of the unknown properties by name.
 
@@ -253,13 +271,9 @@ def beam_problem(
     check_instance(model, "model", Model)
     check_instance(damping, "damping", DampingLaw, NoneType)
     motions, curves, values = _sort_records(records)
-    for name, mapping in (("bounds", bounds), ("priors", priors)):
-        check_instance(mapping, name, Mapping, NoneType)
-    robust = flag(robust, "robust")
-    tolerance = None if tolerance is None else positive(tolerance, "tolerance")
     law = damping or SumOfLaws(())
-    wanted = _unknown_names(unknowns, motions, curves, values)
-    if unknowns is None and "stiffness" in {shape.kind for shape in model.beam.shapes}:
+    wanted = _unknown_names(settings.unknowns, motions, curves, values)
+    if settings.unknowns is None and "stiffness" in {shape.kind for shape in model.beam.shapes}:
         wanted = tuple("bending_stiffness" if name == "elastic_modulus" else name for name in wanted)
     all_records: Sequence[Any] = (*motions, *curves, *values)
     models_of_records = [model, *(record.model or model for record in all_records)]
@@ -271,25 +285,26 @@ def beam_problem(
         property_owners(configuration.beam, tuple(first))  # check
     frequencies = sought_frequencies(model) if curves else np.zeros(0)
     listed = [
-        *of_law(damping, fixed),
+        *of_law(damping, settings.fixed),
         *(property_unknown(name, value, list(models.values())) for name, value in first.items()),
         *of_curves(wanted, frequencies, curves),
         *of_motions(wanted, model, motions),
     ]
     if not listed:
         raise InputError("nothing is to be estimated; name properties, or free a parameter of the law", "unknowns")
-    bounded = tuple(with_bounds_and_priors(listed, bounds or {}, priors or {}))
+    bounded = tuple(with_bounds_and_priors(listed, settings.bounds or {}, settings.priors or {}))
     blocks: list[Block] = []
     load = tuple(name.removeprefix("start_") for name in LOADS if name in wanted)
     for configuration, numbered in _by_configuration(motions, model, models, apart):
         coarse = coarse_tolerance([record for _, record in numbered], configuration.beam.length)
-        coarse = coarse_or_wanted(coarse, tolerance) if tolerance else coarse
-        settings: Any = {"load": load, "tolerance": coarse, "wanted": tolerance, "robust": robust}
-        blocks.append(motion_block(configuration, numbered, law, first, **settings))
+        tolerance = coarse_or_wanted(coarse, settings.tolerance) if settings.tolerance else coarse
+        accuracy: Any = {"tolerance": tolerance, "wanted": settings.tolerance, "robust": settings.robust}
+        blocks.append(motion_block(configuration, numbered, law, first, load=load, **accuracy))
     for configuration, numbered in _by_configuration(curves, model, models, apart):
         highest = 1 + max(mode_at_peak(record, frequencies) for record in curves)
+        modes = settings.modes
         mode_count = highest + 2 if modes is None else whole(modes, "modes", 1, configuration.freedoms)
-        names, harmonics = [unknown.name for unknown in bounded], whole(harmonics, "harmonics", 1)
+        names, harmonics = [unknown.name for unknown in bounded], whole(settings.harmonics, "harmonics", 1)
         block = curve_block(configuration, numbered, law, names, first, modes=mode_count, harmonics=harmonics)
         blocks.append(block if apart else block.orient(frequencies))
     totals, counts = Counter(record.name for record in values), Counter[str]()
@@ -297,7 +312,7 @@ def beam_problem(
         counts[record.name] += 1
         number = str(counts[record.name]) if totals[record.name] > 1 else ""  # among the records of this name
         blocks.append(ValueBlock(record.with_model(models[id(record.model)]), first, number))
-    return FitProblem(tuple(blocks), bounded, robust), models[id(model)], first
+    return FitProblem(tuple(blocks), bounded, settings.robust), models[id(model)], first
 
 
 @lasting_interrupts()

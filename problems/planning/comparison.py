@@ -24,7 +24,7 @@ from ancf_casadi.support.inputs import check_instance, choice, instances, whole
 from ancf_casadi.support.interrupts import lasting_interrupts
 from ancf_casadi.support.parallel import run_all
 from ancf_casadi.support.tables import Reported, Table, plural
-from problems.beam.fitting import beam_problem, fit_beam
+from problems.beam.fitting import FitSettings, beam_problem, fit_beam
 from problems.beam.result import law_name
 from problems.planning.experiments import check_candidates, plan
 from problems.planning.record import PlannedRecord
@@ -179,7 +179,7 @@ def _expect_choices(
     terms, expectations = [[parameter.name for parameter in law.parameters] for law in laws], {}
     for name, counts in lists.items():
         records: list[Any] = [exact[candidate] for candidate, count in counts.items() for _ in range(count)]
-        problem = beam_problem(model, records, laws[truth], **settings)[0]
+        problem = beam_problem(model, records, laws[truth], FitSettings(**settings))[0]
         true_fit = fitted_once(problem)
         for k, law in enumerate(laws):
             if k != truth:

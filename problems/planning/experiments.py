@@ -39,7 +39,7 @@ from problems.beam.curves.block import CurveBlock
 from problems.beam.curves.driven import small_response
 from problems.beam.curves.record import ResponseRecord
 from problems.beam.curves.response_block import FREE, first_weights
-from problems.beam.fitting import beam_problem
+from problems.beam.fitting import FitSettings, beam_problem
 from problems.beam.motions.block import MotionBlock, motion_block, sensor_noise
 from problems.beam.motions.record import MotionRecord
 from problems.beam.motions.weights import first_weights as motion_weights
@@ -127,10 +127,8 @@ def plan(
     check_candidates(candidates)
     check_instance(before, "before", BeamFit, NoneType)
     templates = _templates(candidates, model, before)
-    problem, _, values = beam_problem(
-        model, templates, damping, unknowns=unknowns, fixed=fixed, priors=priors, modes=modes, harmonics=harmonics,
-        apart=True,
-    )  # fmt: skip
+    settings = FitSettings(unknowns, fixed, priors=priors, modes=modes, harmonics=harmonics)
+    problem, _, values = beam_problem(model, templates, damping, settings, apart=True)
     shared_names = {*values, COMMON, *(parameter.name for parameter in (damping.parameters if damping else ()))}
     all_unknowns = [replace(unknown, guess=1.0) if _is_frequency(unknown) else unknown for unknown in problem.unknowns]
     shared = [unknown for unknown in all_unknowns if unknown.name in shared_names or _is_frequency(unknown)]

@@ -32,7 +32,7 @@ def stepper(model, law, base, start, end, tolerance):
     """Return a stepper that has reached the end."""
     equations = Equations(model, law)
     excitation = excitation_pieces(model, base, None, 0.0, end)[0]
-    state = initial_state(model, excitation, start)
+    state = initial_state(equations, excitation, start)
     run = radau.Stepper(Collocation(equations), equations.parameters, excitation, state, tolerance)
     for _ in run.steps_to(end):
         pass

@@ -126,13 +126,13 @@ class TestInterruptions:
 
     def test_ctrl_c_before_the_first_segment_waits_for_it(self, hanging, monkeypatch):
         """Raised within a call of CasADi, it would appear as an error of that call."""
-        original = motion_setup.checked_excitation
+        original = motion_setup.check_excitation
 
         def check(*arguments):
             os.kill(os.getpid(), signal.SIGINT)
             return original(*arguments)
 
-        monkeypatch.setattr(motion_setup, "checked_excitation", check)
+        monkeypatch.setattr(motion_setup, "check_excitation", check)
         part = simulate(hanging, duration=0.1)
         assert part.interrupted
         assert len(part.time) == 5

@@ -28,6 +28,7 @@ from ancf_casadi.dynamics.start import Start
 from ancf_casadi.dynamics.tip_load import TipLoad
 from ancf_casadi.dynamics.tolerance import default_tolerance
 from ancf_casadi.exceptions import AncfError, InputError
+from ancf_casadi.mechanics.mesh_limits import warn_of_overbent_elements
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.mechanics.state import State
 from ancf_casadi.support.arrays import Array
@@ -105,6 +106,7 @@ def motion(
     setup = set_up(
         model, duration=duration, damping=damping, base=base, load=load, sample_rate=sample_rate, start=start
     )
+    warn_of_overbent_elements(model, setup.start.coordinates)
     start_load = flag(start_load, "start_load")
     if start_load and not (isinstance(start, Equilibrium) or start == "equilibrium"):
         raise InputError("has no load; with start_load it must be 'equilibrium' or an Equilibrium", "start")

@@ -54,16 +54,14 @@ from ancf_casadi.dynamics.derivatives.tangent import (
 )
 from ancf_casadi.dynamics.equations import Equations
 from ancf_casadi.dynamics.excitation import SAME_TIME, Excitation, excitation_pieces
-from ancf_casadi.dynamics.placed_load import LOAD_SIZE, TIP, equilibrium_under
+from ancf_casadi.dynamics.limits import check_clamp, check_start
+from ancf_casadi.dynamics.placed_load import LOAD_SIZE, TIP, coordinates_at_rest
 from ancf_casadi.dynamics.radau.stepper import RadauSteps, Stepper
 from ancf_casadi.dynamics.start import (
     AT_REST,
     LOAD_NAMES,
     START_LOAD_NAMES,
     Start,
-    check_clamp,
-    initial_state,
-    rigid_motion,
 )
 from ancf_casadi.dynamics.tip_load import TipLoad
 from ancf_casadi.exceptions import InputError, SimulationError
@@ -205,24 +203,22 @@ class SensitivityProblem:
             return TIP
         return self.load.place or PointLoad(point=self.load.point)
 
-    @cached_property
-    def _rigid_motion(self) -> cs.Function:
-        return rigid_motion(self.equations.model)
-
     def _first(self, model: Model, excitation: Excitation, load: Array, theta: Array) -> tuple[State, Array]:
         """Return the first state of a beam, and the Jacobian of q and v with respect to the values, (2 N, ...)."""
         free, layout = self.equations.free, self.layout
         jacobian, start = np.zeros((2 * free, layout.size)), self.start
         if isinstance(start, State):
-            return initial_state(model, excitation, start), jacobian
-        node, velocity, _, own_load = np.split(excitation.at(0.0), [NODE, 2 * NODE, 3 * NODE])
-        check_clamp(model, node)
+            check_start(model, excitation, start)
+            return start, jacobian
+        first_excitation = excitation.at(0.0)
+        check_clamp(model, first_excitation)
+        _, velocity, _, load_at_start = np.split(first_excitation, [NODE, 2 * NODE, 3 * NODE])
         state = State(model.straight, np.zeros(model.size))
         if start != "straight":
             if not self.held:
                 if isinstance(start, Equilibrium):
-                    own_load = np.array([*start.tip_force, start.tip_moment])
-                load = np.concatenate([own_load[:LOAD_SIZE], np.zeros(LOAD_SIZE)])
+                    load_at_start = np.array([*start.tip_force, start.tip_moment])
+                load = np.concatenate([load_at_start[:LOAD_SIZE], np.zeros(LOAD_SIZE)])
             law = self._flowing
             used = len(law.parameters)
             law = law.with_parameters(theta[:used])
@@ -233,8 +229,9 @@ class SensitivityProblem:
             jacobian[:, layout["properties"].start : layout["start"].stop] = start_jacobian[:, used:][:, is_variable]
         if start == "impact":
             return state, jacobian
-        moved = self._rigid_motion(state.coordinates, velocity)
-        by_coordinates, by_velocity = self._rigid_motion.jacobian()(state.coordinates, velocity, moved)
+        rigid_motion = self.equations.model.rigid_motion
+        moved = rigid_motion(state.coordinates, velocity)
+        by_coordinates, by_velocity = rigid_motion.jacobian()(state.coordinates, velocity, moved)
         jacobian[free:] += model.of_free(by_coordinates.full() @ model.with_fixed_base(jacobian[:free]))
         by_base = model.of_free(by_velocity.full()) @ excitation.jacobian(0.0)[NODE : 2 * NODE]
         jacobian[free:, layout["base"]] += by_base
@@ -295,7 +292,7 @@ def held_start(
     the law, P, element by element, the lumped properties, and (p, p').
     """
     p, rate = np.split(load, [len(LOAD_NAMES)])
-    coordinates = equilibrium_under(model, p, place, law.loads(model.beam)).coordinates
+    coordinates = coordinates_at_rest(model, p, place, law.loads(model.beam))
     theta = np.array([parameter.value for parameter in law.parameters])
     point: Any = coordinates, p, theta, model.properties, *model.lumped.values()
     jacobians_of_forces = stiffness, by_p, by_x = jacobians[0](*point)

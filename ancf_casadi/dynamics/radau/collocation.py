@@ -63,7 +63,7 @@ from ancf_casadi.dynamics.excitation import EXCITATION
 from ancf_casadi.dynamics.placed_load import load_force, load_on_element
 from ancf_casadi.dynamics.radau.elimination import BLOCK, LINK
 from ancf_casadi.dynamics.radau.link import VALUES
-from ancf_casadi.dynamics.radau.links import Links, Projection
+from ancf_casadi.dynamics.radau.links import Iterate, Links, Projection
 from ancf_casadi.dynamics.radau.tableau import RADAU, STAGES, overstrain_weights
 from ancf_casadi.mechanics.element import Group
 from ancf_casadi.mechanics.nodes import NODE
@@ -122,7 +122,10 @@ class Collocation:
         Z is corrected by the last dW; the results are the next dW and the turns to the stages.
         """
         s = self._symbols
-        increments, turns, *motion, modal_velocities = self._advance()
+        # Z minus T dW, turned forth, and turns, motion of the links and modal velocities at the stages
+        increments, turns, *motion, modal_velocities = self.links.advance(
+            self._iterate, s.q, s.v, s.h, self._base, s.reference, self._projection
+        )
         overstrains, _ = self._relaxation(motion[0])
         on_links, further = self._forces(motion, self._whole(motion), overstrains)
         modal = cs.diag(self._balance.modal_coefficients) @ modal_velocities
@@ -138,7 +141,7 @@ class Collocation:
         """
         s, a, model = self._symbols, cs.MX.sym("a", self.equations.free), self.equations.model
         base, base_rate, *_ = cs.vertsplit(self._base, NODE)
-        increments, coordinates = self.links.update(s.corrections, s.turns, s.increments, s.q, base)
+        increments, coordinates = self.links.update(self._iterate, s.q, base)
         *rates, deviation, deviation_rate = self.links.end(increments, s.v, a, s.h)
         end = [s.q + self.links.free(increments[-NODE:, :]), *map(self.links.free, rates)]
         e, e_t = (model.whole(x, b[:, -1]) for x, b in zip(end[:2], (base, base_rate), strict=True))
@@ -207,6 +210,13 @@ class Collocation:
         )
         return _function("prediction", [nodes, ratio, s.excitations], [increments])
 
+    def trial(self, excitation: cs.Function) -> cs.Function:
+        """(t, h, ratio, nodes) -> the excitations (t) -> (16,) at the stages of a step, (16, 3), and Z."""
+        t, h, ratio = (cs.MX.sym(name) for name in ("t", "h", "ratio"))
+        nodes = cs.MX.sym("nodes", *self.prediction.size_in(0))
+        excitations = cs.horzcat(*(excitation(t + c * h) for c in RADAU.nodes.tolist()))
+        return cs.Function("trial", [t, h, ratio, nodes], [excitations, self.prediction(nodes, ratio, excitations)])
+
     def accelerations(self, q: Array, v: Array, excitation: Array, parameters: Array, internal: Array) -> Array:
         """Return the accelerations a in a state (q, v, internal strains) under an excitation (16,)."""
         forces = self.balance(q, v, 0 * q, excitation, parameters, internal).full().ravel()
@@ -234,6 +244,10 @@ class Collocation:
         return base
 
     @property
+    def _iterate(self) -> Iterate:
+        return self._symbols.corrections, self._symbols.turns, self._symbols.increments
+
+    @property
     def _projection(self) -> Projection:
         return self._symbols.base_projection, self._symbols.projection
 
@@ -241,12 +255,6 @@ class Collocation:
     def _balance(self) -> Balance:
         """The terms of the equation of motion for the parameters of ``_symbols``."""
         return self.equations.balance(self._symbols.parameters)
-
-    def _advance(self) -> list[cs.MX]:
-        """Return Z minus T dW, turned forth, and turns, motion of the links and modal velocities at the stages."""
-        s = self._symbols
-        step = s.corrections, s.turns, s.increments, s.q, s.v, s.h
-        return self.links.advance(*step, self._base, s.reference, self._projection)
 
     def _whole(self, motion: Sequence[cs.MX]) -> list[cs.MX]:
         """Return e, e_t and e_tt (4 n + 4, 3) at the stages from those of the links (24, links)."""

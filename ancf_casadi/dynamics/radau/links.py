@@ -33,6 +33,7 @@ TO_BASE = ("eliminate", "reduce")  # passes from the tip to the base
 ALIKE = ("eliminate", "substitute")  # passes that are the same along links of all kinds
 # the rows B_k of the modal law, turned back to a clamp along x: of the base, (4 m,), and of the links, (4 m, links)
 Projection = tuple[cs.MX, cs.MX]
+Iterate = tuple[cs.MX, cs.MX, cs.MX]  # corrections dW, turns and increments Z, (12, links) each
 # number of the last inputs that links share
 SHARED = {"advance": 2, "reduce": 2, "substitute": 0, "eliminate": 1, "update": 1, "extrapolate": 2}
 
@@ -81,24 +82,24 @@ class Links:
         """Return q (N,) from N q as columns of the links."""
         return self.model.of_free(cs.vertcat(cs.MX(NODE, 1), cs.vec(places)))
 
-    def advance(self, corrections: cs.MX, turns: cs.MX, increments: cs.MX, q: cs.MX, v: cs.MX, h: cs.MX,
-                 base: cs.MX, reference: cs.MX, projection: Projection) -> list[cs.MX]:  # fmt: skip
+    def advance(
+        self, iterate: Iterate, q: cs.MX, v: cs.MX, h: cs.MX, base: cs.MX, reference: cs.MX, projection: Projection
+    ) -> list[cs.MX]:
         """Return increments, turns, coordinates, velocities and accelerations of both nodes, and modal velocities.
 
         The motion of both nodes at each stage is (24, links), the modal velocities are (m, 3).  ``base`` (12, 3) is the
         motion of the base at the stages, and ``reference`` (4, nodes) the configuration of the matrices.
         """
         of_base, of_links = projection
-        columns = [corrections, turns, increments, self.places(q), self.places(v), reference[:, 1:], of_links]
+        columns = [*iterate, self.places(q), self.places(v), reference[:, 1:], of_links]
         velocities_of_base = modal_velocities_of_base(self.modes)(of_base, cs.vec(base))
         first = cs.vertcat(cs.MX.zeros(2 * VALUES), cs.vec(base), reference[:, 0], velocities_of_base)
         *motion, modal = self._pass("advance", first, columns, [h, cs.vec(base)])
         return [*motion, cs.reshape(modal[:, -1], self.modes, STAGES)]
 
-    def update(self, corrections: cs.MX, turns: cs.MX, increments: cs.MX, q: cs.MX, base: cs.MX) -> list[cs.MX]:
+    def update(self, iterate: Iterate, q: cs.MX, base: cs.MX) -> list[cs.MX]:
         """Return the increments of ``advance`` and the coordinates, (12, links), from those of the base (4, 3)."""
-        columns = [corrections, turns, increments, self.places(q)]
-        return self._pass("update", cs.MX.zeros(2 * VALUES), columns, [cs.vec(base)])
+        return self._pass("update", cs.MX.zeros(2 * VALUES), [*iterate, self.places(q)], [cs.vec(base)])
 
     def reduce(
         self,

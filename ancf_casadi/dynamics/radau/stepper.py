@@ -14,16 +14,16 @@ The error estimate does not include the velocities.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
-import casadi as cs
 import numpy as np
 
 from ancf_casadi.dynamics.dense_output import SegmentSolution, Slopes, Steps
+from ancf_casadi.dynamics.equations import Equations
 from ancf_casadi.dynamics.excitation import SAME_TIME, Excitation, Segment
-from ancf_casadi.dynamics.radau.collocation import Collocation
+from ancf_casadi.dynamics.radau.collocation import Collocation, shared_form
 from ancf_casadi.dynamics.radau.newton import Newton, StepControl
 from ancf_casadi.dynamics.radau.tableau import RADAU, STAGES
 from ancf_casadi.exceptions import SimulationError
@@ -37,17 +37,16 @@ MOST_STEPS = 200_000  # to the end of a segment; these take a minute
 
 
 def integrate_by_radau(
-    form: Collocation,
-    parameters: Array,
+    equations: Equations,
     piece: Excitation,
     start: State,
-    segments: Sequence[Segment],
+    segments: Iterable[Segment],
     tolerance: float,
     largest_step: float,
 ) -> Iterator[SegmentSolution]:
     """Integrate over a smooth piece of the excitation, and yield the solution on each of its consecutive segments."""
-    stepper = Stepper(form, parameters, piece, start, tolerance, largest_step)
-    slopes = Slopes(form.equations.model)
+    form, slopes = shared_form(equations), Slopes(equations.model)
+    stepper = Stepper(form, equations.parameters, piece, start, tolerance, largest_step)
     for segment in segments:
         ends = [stepper.end, *(stepper.end for _ in stepper.steps_to(segment.end))]
         count = len(ends) - 1
@@ -116,22 +115,20 @@ class Stepper:
         tolerance: float,
         largest_step: float = math.inf,
     ) -> None:
-        model, first = form.equations.model, piece.at(piece.begin)
+        equations, model, first = form.equations, form.equations.model, piece.at(piece.begin)
         self.now, self.steps = piece.begin, 0
         self._form, self._piece, self._largest_step, self._control = form, piece, largest_step, StepControl()
-        self.newton = arrays = Newton(form, parameters, tolerance)
-        arrays.excitations[:] = first
-        q, v, a = arrays.end
-        q[:], v[:] = model.of_free(start.coordinates), model.of_free(start.velocities)
-        arrays.nodes[:] = model.whole(q, first[:NODE]).reshape(-1, 1, NODE)
-        arrays.internal.reshape(-1)[:] = form.equations.internal(start, parameters)
-        a[:] = form.accelerations(q, v, first, parameters, arrays.internal.T)
+        q, v = model.of_free(start.coordinates), model.of_free(start.velocities)
+        internal = equations.internal(start, parameters).reshape(equations.internal_shape[::-1])
+        a = form.accelerations(q, v, first, parameters, internal.T)
+        trial = form.trial(piece.function)
 
-        self._finish = Buffered(form.finish, *arrays.of_stages, a)
+        self.newton = arrays = Newton(form, parameters, tolerance)
+        arrays.end[:], arrays.excitations[:], arrays.internal[:] = (q, v, a), first, internal
+        arrays.nodes[:] = model.whole(q, first[:NODE]).reshape(-1, 1, NODE)
+        self._finish = Buffered(form.finish, *arrays.of_stages, arrays.end[2])
         trial_inputs = arrays.time, arrays.length, arrays.ratio, arrays.nodes
-        self._predict = Buffered(
-            _trial(form.prediction, piece.function), *trial_inputs, outputs=[arrays.excitations, arrays.increments]
-        )
+        self._predict = Buffered(trial, *trial_inputs, outputs=[arrays.excitations, arrays.increments])
 
     @property
     def state(self) -> State:
@@ -196,14 +193,6 @@ class Stepper:
             times = h * RADAU.nodes
             moved = self._form.equations.model.with_fixed_base(np.outer(v, times) + np.outer(a, times**2 / 2))
             newton.increments[:] = np.moveaxis(moved[NODE:].reshape(-1, NODE, STAGES), 1, 2)
-
-
-def _trial(prediction: cs.Function, excitation: cs.Function) -> cs.Function:
-    """(t, h, ratio, nodes) -> the excitations at the stages of a step, (16, 3), and its predicted increments."""
-    t, h, ratio = (cs.MX.sym(name) for name in ("t", "h", "ratio"))
-    nodes = cs.MX.sym("nodes", *prediction.size_in(0))
-    columns = cs.horzcat(*(excitation(t + c * h) for c in RADAU.nodes.tolist()))
-    return cs.Function("trial", [t, h, ratio, nodes], [columns, prediction(nodes, ratio, columns)])
 
 
 def _failure(problem: str, now: float, step: float) -> str:

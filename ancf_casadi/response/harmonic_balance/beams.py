@@ -248,8 +248,7 @@ class SlopeCorrections:
         beam, first_coordinate, node = model.beam, NODE * model.root, np.eye(NODE, model.size, NODE * model.root)
         if (model.weights[first_coordinate + NODE :] != 1.0).any():
             return None
-        points = [s for index in range(beam.elements) for s in model.gauss_points(index)]
-        pairs = np.vstack([*(model.slope_interpolation(s) for s in points), node[2:], node[:2]])
+        pairs = np.vstack([*(model.slope_interpolation(s) for s in model.all_gauss_points), node[2:], node[:2]])
         zeros, inverse = np.zeros((first_coordinate, len(pairs))), np.linalg.inv(pairs[:, first_coordinate:])
         return SlopeCorrections(
             matrix=pairs @ model.with_fixed_base(np.eye(model.freedoms)),

@@ -404,7 +404,7 @@ class ValueBlock(Block):
         """Return the largest bend of an element in the equilibria of the record, rad."""
         factors = np.array([values[name] / first for name, first in self.first.items()])
         beam = scaled_model(self.record.model, self._owners, factors)
-        return max(largest_bend(beam, stable_position(beam, loads).coordinates) for loads in self.record.cases)
+        return max(largest_bend(beam, stable_position(beam, loads, side=1).coordinates) for loads in self.record.cases)
 
     def split(self) -> Self:
         """Return the same values with each element in two halves."""

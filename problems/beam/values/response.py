@@ -86,7 +86,7 @@ def _read_at_rest(
     structure = replace(equilibrium.structure, properties=changed_properties)
     at = neighbouring_equilibrium(structure, equilibrium.exact)
     if at is None:
-        at = stable_position(scaled_model(model, owners, factors), equilibrium.all_loads)
+        at = stable_position(scaled_model(model, owners, factors), equilibrium.all_loads, side=1)
     state = ModalState(structure, at, np.arange(0), np.zeros(0), np.zeros((model.size, 0)))  # without modes
     dq = coordinate_derivatives(state, directions)
     force, change = _base_forces(state, dq, directions)

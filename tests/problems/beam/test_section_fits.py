@@ -19,7 +19,7 @@ from ancf_casadi import (
     simulate,
 )
 from problems import FrequencyRecord, MotionRecord, PlannedRecord, ResponseRecord, StaticRecord, fit_beam, plan
-from problems.beam.fitting import beam_problem
+from problems.beam.fitting import FitSettings, beam_problem
 from problems.beam.properties import property_owners
 
 D = 3e-3
@@ -126,7 +126,7 @@ def test_the_usual_unknown_beside_response_curves_is_one_that_the_section_has():
         model = model_of(section)
         frequencies = natural_modes(model, count=1).frequencies[0] * np.array([0.97, 0.99, 1.0, 1.01, 1.03])
         curve = ResponseRecord(frequencies, np.ones(5), base=HarmonicBase(1e-3, 1.0), sweep="up")
-        _, _, first = beam_problem(model, [curve, tones(model, model)], RayleighDamping(alpha=0.2))
+        _, _, first = beam_problem(model, [curve, tones(model, model)], RayleighDamping(alpha=0.2), FitSettings())
         assert list(first) == [name]
 
 

@@ -5,7 +5,7 @@ import pytest
 
 from ancf_casadi import Beam, Measurement, Model, RayleighDamping, Sensor, simulate, static_equilibrium
 from problems import Channel, MarkerRecord, MotionRecord, fit_beam
-from problems.beam.fitting import beam_problem
+from problems.beam.fitting import FitSettings, beam_problem
 from problems.beam.motions.block import MotionBlock
 from problems.beam.unknowns import starts
 
@@ -31,7 +31,7 @@ def released(start, rate, samples):
 def test_a_doubled_frequency_along_the_beam_is_no_mode(start):
     run = released(start, 60.0, 100)
     record = MarkerRecord(run.time, run.tip + 5e-4 * np.random.default_rng(0).normal(size=run.tip.shape), start=start)
-    problem, _, first = beam_problem(MODEL, record, LAW, **UNKNOWN)
+    problem, _, first = beam_problem(MODEL, record, LAW, FitSettings(**UNKNOWN))
     motions = [(one.model, one.numbered) for one in problem.blocks if isinstance(one, MotionBlock)]
     found = starts(problem.unknowns, first, motions, only_values=False)
     assert all(0.9 < one.get("elastic_modulus", 264e3) / 264e3 < 1.1 for one in found)

@@ -27,6 +27,7 @@ from problems.look.charts import Options
 from problems.look.form import Change, Form
 from problems.look.widgets import ComputingPanel, columns, report_label, set_options, show_notes
 from problems.spec.editing import EditedStudy, Place
+from problems.spec.records import unsimulated_records
 
 HEADS = {"mode": "mode", "frequency": "frequency, Hz", "ratio": "damping ratio, %"}
 DECADES = 1.0  # that a slider spans to either side of the first guess
@@ -82,7 +83,7 @@ class BeamPanel(ComputingPanel):
         self._motion_error = ui.label().classes("text-negative").mark("motion-error")
         self._motion_title = ui.label().classes("text-subtitle1").mark("motion-title")
         self._unknowns = ui.grid(columns="repeat(auto-fill, minmax(18rem, 1fr))").classes("w-full")
-        self.build_progress(self.fit, self.run_all_steps)
+        self.build_progress(self.run_simulation, self.fit, self.run_all_steps)
         self._values = ui.label().classes("text-subtitle1").mark("values")
         self._motion = ui.column().classes("w-full").mark("motion")
         self._notes = ui.column().classes("w-full gap-1").mark("notes")
@@ -91,6 +92,7 @@ class BeamPanel(ComputingPanel):
     def _build_study(self) -> None:
         ui.label("The study that does the same, which can be changed here, too").classes("text-subtitle2")
         self._text = ui.textarea().classes("w-full").props("autogrow outlined input-class=font-mono").mark("study")
+        ui.label().bind_text_from(self._form_error, "text").classes("text-negative")
         self._text.on("change", lambda: self.change(lambda study: study.with_text(self._text.value)))
         name = Path(self.study.file.path).name
         ui.button("save the study", on_click=lambda: ui.download.content(self.study.text, name))
@@ -129,23 +131,32 @@ class BeamPanel(ComputingPanel):
                 ui.echart(chart).classes("w-full h-60")
         return motion
 
+    async def run_simulation(self) -> None:
+        """Write the motion that is to be measured, as ``run`` does, and show it."""
+        study, folder = self.study, unsimulated_records(self.study.file)[0].parent
+        if await self.attempt(self._motion_error, write_document, study, folder, "simulation", title="simulation"):
+            self.start()
+
     async def fit(self) -> None:
         """Fit the study that is shown."""
         await self._show_motion(fit_study, self.study, "fit")
 
     async def run_all_steps(self) -> None:
         """Run all steps of the study that is shown, such as predictions and a plan, and show their document."""
-        document = await self.attempt(self._motion_error, write_document, self.study, self._folder, title="run")
+        folder = self._folder / "results"
+        document = await self.attempt(self._motion_error, write_document, self.study, folder, title="run")
         if document is not None and not self._document.is_deleted:
             self._document.clear()
             with self._document:
                 frame = ui.element("iframe").classes("w-full bg-white").style("height: 60rem").mark("document")
                 frame.props["src"] = app.add_static_file(local_file=document)
                 ui.button("save the document", on_click=lambda: ui.download.file(document))
+            ui.run_javascript(f"getHtmlElement({self._document.id}).scrollIntoView()")
 
     def can_act(self, name: str) -> bool:
-        """Return whether nothing is being computed, and for a fit, whether the study has measurements."""
-        return super().can_act(name) and (name != "fit" or has_records(self.study))
+        """Return whether nothing is being computed, and an action has what it needs."""
+        is_ready = (name == "run_simulation") == bool(unsimulated_records(self.study.file))
+        return super().can_act(name) and is_ready and (name != "fit" or has_records(self.study))
 
     def _show_beam(self, at_rest: BeamAtRest) -> None:
         self._charts, self._drawing.content = at_rest.charts, at_rest.drawing

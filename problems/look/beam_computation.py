@@ -93,11 +93,9 @@ def fit_study(study: EditedStudy) -> MotionView:
     return MotionView(title, _charts(fit.channels), (), ", ".join(values), fit.report(), notes)
 
 
-def write_document(study: EditedStudy, folder: Path) -> Path:
-    """Run all steps of a study, as ``run`` does, and write their results to a folder; return the document."""
-    report = run_study(
-        read_study(study.file), folder / "results", command=f"ancf-casadi run {Path(study.file.path).name}"
-    )
+def write_document(study: EditedStudy, folder: Path, *steps: str) -> Path:
+    """Run steps of a study, or all, as ``run`` does, and write their results to a folder; return the document."""
+    report = run_study(read_study(study.file, steps), folder, command=f"ancf-casadi run {Path(study.file.path).name}")
     assert report.page is not None  # as there is a folder
     return report.page
 

@@ -84,6 +84,7 @@ class FrfPanel(Panel):
             self._busy = ui.spinner()
         self._magnitudes = brushed_chart(lambda low, high: self.choose(band=(low, high)), "h-72")
         self._fit_error = ui.label().classes("text-negative").mark("fit-error")
+        ui.label("Click a pole to fit a mode there, or a pole of a mode, at a dashed line, to leave it out.")
         self._stability = ui.echart({}, on_point_click=self._choose_pole).classes("w-full h-72").mark("stability")
         self._poles_error = ui.label().classes("text-negative").mark("poles-error")
         self._table = ui.table(columns=columns(HEADS), rows=[], row_key="mode").props("flat dense").mark("modes-table")

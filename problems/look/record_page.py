@@ -140,7 +140,7 @@ class RecordPanel(Panel):
         self._lines = ui.row().classes("empty:hidden").mark("lines")
         with ui.column().classes("w-full") as self._results:
             self._build_charts()
-        ui.label("The command and the study that do the same").classes("text-subtitle2")
+        ui.label("The command and the study that do the same, beside their files").classes("text-subtitle2")
         self._command = ui.code("", language="bash").classes("w-full").mark("command")
         self._study = ui.code("", language="toml").classes("w-full").mark("study")
         with ui.row():
@@ -239,7 +239,8 @@ class RecordPanel(Panel):
             f"{shown(scale * fit.values[name], scale * fit.standard_errors.get(name, np.nan))} {unit}"
             for name, scale, unit in (("frequency", 1.0, "Hz"), ("damping_ratio", 100.0, "%"))
         ]
-        self._summary.text = ", ".join(values)
+        at_release = "" if fit.law == "linear" else " at the release"
+        self._summary.text = f"{', '.join(values)}{at_release} (± standard errors)"
         show_fit(self._record_chart.options, view)
         redraw(self._record_chart)
         place_handle(self._record_chart, fit.release_time)

@@ -15,6 +15,8 @@ from pathlib import Path
 
 HOST = "127.0.0.1"
 SECONDS_TO_RETURN = 5.0  # after the last page has closed, as a page that is loaded anew closes first
+SECONDS_TO_RECONNECT = 900.0  # for a page that is silent, as on a computer that sleeps
+GOODBYE = "<script>addEventListener('pagehide', () => navigator.sendBeacon('/closed'))</script>"
 
 
 def serve(files: Sequence[str], *, open_browser: bool) -> None:
@@ -41,6 +43,7 @@ def _serve(files: Sequence[str], listener: socket.socket, token: str, address: s
 
     @ui.page("/", title="ancf-casadi")
     def _page() -> None:
+        ui.add_head_html(GOODBYE)
         build_page(files, folder)
 
     def end_if_closed() -> None:
@@ -48,9 +51,14 @@ def _serve(files: Sequence[str], listener: socket.socket, token: str, address: s
 
     if files:  # while the browser starts, so that the page finds the result
         WORKER.submit(compute_first, files)
-    app.on_disconnect(lambda: app.timer(SECONDS_TO_RETURN, end_if_closed, once=True))
+    app.on_disconnect(lambda: app.timer(SECONDS_TO_RECONNECT, end_if_closed, once=True))
     server_app = FastAPI()
+
+    @server_app.post("/closed")
+    async def _closed() -> None:
+        app.timer(SECONDS_TO_RETURN, end_if_closed, once=True)
+
     server_app.add_middleware(Guard, token=token, address=address)
-    ui.run_with(server_app, dark=None, show_welcome_message=False)
+    ui.run_with(server_app, dark=None, show_welcome_message=False, reconnect_timeout=SECONDS_TO_RECONNECT)
     server = uvicorn.Server(uvicorn.Config(server_app, log_level="error"))
     server.run(sockets=[listener])

@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any, TypeVar
 
-from nicegui import events, ui
+from nicegui import app, events, ui
 
 from ancf_casadi.exceptions import AncfError
 from problems.look.charts import SPARKLINE
@@ -44,6 +44,7 @@ class Panel(ABC):
     choices: Any  # options of a command, a dataclass
     _task: asyncio.Task[None] | None = None
     _busy: ui.spinner
+    _column: ui.column  # of the results
 
     @property
     def chosen(self) -> Any:
@@ -61,7 +62,7 @@ class Panel(ABC):
         with ui.grid(columns="18rem minmax(0, 1fr)").classes("w-full"):
             with ui.column():
                 self._build_choices()
-            with ui.column().classes("w-full"):
+            with ui.column().classes("w-full") as self._column:
                 self._build_results()
 
     @abstractmethod
@@ -78,10 +79,12 @@ class Panel(ABC):
         """Read and fit until the page shows the latest choices."""
         shown = None
         self._busy.set_visibility(True)
+        self._column.classes("opacity-60")  # while its results are those of earlier choices
         while shown != (chosen := self.chosen):
             await self.update()
             shown = chosen
         self._busy.set_visibility(False)
+        self._column.classes(remove="opacity-60")
 
     def start(self) -> None:
         """Begin to show the choices, unless this is being done."""
@@ -100,7 +103,8 @@ class ComputingPanel(Panel):
 
     def __init__(self) -> None:
         self._works: list[Work] = []  # that the thread of all computations has yet to finish
-        ui.context.client.on_disconnect(self.stop)
+        ui.context.client.on_delete(self.stop)
+        app.on_shutdown(self.stop)
 
     def build_progress(self, *actions: Callable[[], Any]) -> None:
         """Build the buttons of actions that take long, of which each has its name, one that stops, and the progress."""

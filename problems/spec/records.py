@@ -11,6 +11,7 @@ import shlex
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
@@ -456,9 +457,20 @@ def _motion(file: StudyFile, table: Any, model: Model, where: str) -> Callable[[
     return read
 
 
+def unsimulated_records(file: StudyFile) -> list[Path]:
+    """Return the files of records that do not exist, but that the motion of [simulation] can fill."""
+    names = [table.get("file") for table in file.several("records") if isinstance(table, dict)]
+    return [file.beside(name) for name in names if isinstance(name, str) and _is_unsimulated(file, name)]
+
+
+def _is_unsimulated(file: StudyFile, name: str) -> bool:
+    path = file.beside(name)
+    return "simulation" in file.tables and path.suffix.lower() == ".csv" and not path.exists()
+
+
 def _check_made(file: StudyFile, name: str) -> None:
     """Check that a file exists that the simulation of the same study can make."""
-    path = file.beside(name)
-    if "simulation" in file.tables and path.suffix.lower() == ".csv" and not path.exists():
+    if _is_unsimulated(file, name):
+        path = file.beside(name)
         command = f"ancf-casadi run {shlex.quote(file.path)} simulation --out {shlex.quote(str(path.parent))}"
         raise InputError(f"does not exist; if it is to hold the motion of [simulation], run: {command}", str(path))

@@ -909,7 +909,7 @@ class TestInterrupted:
             raise KeyboardInterrupt
 
         called = {"natural_modes": beam_kinds, "match_frequencies": beam_kinds, "simulate": motion_tables,
-                  "fit_decay": fit_decay_command}  # fmt: skip
+                  "fit_or_compare": fit_decay_command}  # fmt: skip
         for name, module in called.items():
             monkeypatch.setattr(module, name, stopped)
         file = {"simulation": "study.toml"}.get(step, "beam.toml")

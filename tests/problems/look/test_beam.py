@@ -221,6 +221,21 @@ class TestInABrowser:
         assert all(words in text for words in ("the same again", "list within the budget 4"))
         assert page.hosts == {urllib.parse.urlsplit(url).netloc}
 
+    def test_a_record_that_is_missing_is_simulated_first(self, look, page, tmp_path):
+        path, simulation = tmp_path / "study.toml", "[simulation]\nduration = 0.5\nsample_rate = 50.0\n"
+        record = (
+            '[[records]]\nfile = "out/motion.csv"\nsensor = "position"\ndirection = [1.0, 0.0]\ncolumn = "tip_x_m"\n'
+        )
+        path.write_text(STUDY[: STUDY.index("[[records]]")] + simulation + record)
+        _, url = look(path)
+        page.goto(url)
+        wait_for(page, "does not exist; if it is to hold the motion of [simulation]")
+        assert not page.get_by_role("button", name="fit", exact=True).is_visible()
+        page.get_by_role("button", name="run simulation").click()
+        page.get_by_role("button", name="fit", exact=True).wait_for()
+        wait_for(page, "The record, and what the guesses give for it")
+        assert (tmp_path / "out" / "motion.csv").exists()
+
     def test_without_a_record_the_simulated_motion_is_shown(self, look, page, tmp_path):
         path = tmp_path / "study.toml"
         path.write_text(STUDY[: STUDY.index("[[records]]")] + "[simulation]\nduration = 0.2\n")

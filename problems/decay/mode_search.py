@@ -202,7 +202,7 @@ def is_near(first: DecayFit, second: DecayFit) -> bool:
 
 def fit_moving_mode(first: DecayFit, second: DecayFit, t: Array, y: Array) -> DecayFit | None:
     """Return the fit of one mode with a frequency that depends on amplitude; None if two modes are evident."""
-    one_mode = _fit_amplitude_dependent(first, t, y)
+    one_mode = fit_amplitude_dependent(first, t, y)
     if one_mode is None:
         return None
     try:
@@ -228,7 +228,7 @@ def effective_samples(fit: DecayFit) -> float:
     return float(fit.fit.effective_samples * fit.samples / fit.fitted_samples)
 
 
-def _fit_amplitude_dependent(mode: DecayFit, t: Array, y: Array) -> DecayFit | None:
+def fit_amplitude_dependent(mode: DecayFit, t: Array, y: Array) -> DecayFit | None:
     """Return a mode with a frequency and a damping ratio that depend on amplitude; None if it cannot be fitted."""
     record, fits = Measurement(t, y, sensor=mode.model.sensor), []
     for law in MOVING_LAWS:

@@ -30,12 +30,20 @@ from numpy.typing import ArrayLike
 
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.records.measurement import Measurement
+from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.inputs import flag, number, physical, vector, whole
 from ancf_casadi.support.interrupts import lasting_interrupts
 from ancf_casadi.support.tables import Displayed
 from problems.decay.free_decay import clean_record
 from problems.decay.limitations import residual_oscillation
-from problems.decay.mode_search import ModeSearch, decay_rate, is_lasting, search_modes
+from problems.decay.mode_search import (
+    ModeSearch,
+    decay_rate,
+    explains_more,
+    fit_amplitude_dependent,
+    is_lasting,
+    search_modes,
+)
 from problems.decay.result import DecayFit
 from problems.decay.solution import fit_several_modes
 from problems.decay.takes import DecayModes
@@ -195,7 +203,7 @@ def isolate_mode(record: Measurement, band: tuple[float, float], *, release_time
         raise InputError(f"no mode is within {low:g} to {high:g} Hz; those found are at {frequencies} Hz", "band")
     mode = max(modes_in_band, key=lambda fit: fit.amplitude)
     other_modes = tuple(fit for fit in fits if fit is not mode)
-    values = mode.measured - np.sum([fit.displacement(mode.time) for fit in other_modes], axis=0)
+    values = mode.measured - np.sum(_curves(other_modes, mode), axis=0)
     # correlation of two modes beyond which there is a warning; the errors are then 5 % too small
     warnings = [
         f"the modes at {mode.frequency:.4g} and {neighbour.frequency:.4g} Hz are close, and the latter is subtracted "
@@ -206,6 +214,19 @@ def isolate_mode(record: Measurement, band: tuple[float, float], *, release_time
     return IsolatedMode(
         mode, other_modes, Measurement(mode.time, values, record.name, record.sensor, record.warnings), tuple(warnings)
     )
+
+
+def _curves(modes: Sequence[DecayFit], in_band: DecayFit) -> list[Array]:
+    """Return the curves of modes beside one in a band; where it is evident, they depend on amplitude."""
+    t = in_band.time
+    curves = [fit.displacement(t) for fit in modes]
+    residuals = in_band.measured - in_band.displacement(t) - np.sum(curves, axis=0)
+    for k, fit in enumerate(modes):
+        moving_mode = fit_amplitude_dependent(fit, t, residuals + curves[k])
+        if moving_mode is not None and explains_more(moving_mode, residuals, curves[k]):
+            residuals = residuals + curves[k] - moving_mode.displacement(t)
+            curves[k] = moving_mode.displacement(t)
+    return curves
 
 
 def _fit_all_modes(search: ModeSearch, notes: Sequence[str], settings: Mapping[str, Any]) -> tuple[DecayFit, ...]:

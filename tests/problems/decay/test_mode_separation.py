@@ -10,8 +10,9 @@ import pytest
 from scipy.signal import lfilter
 from scipy.stats import binom
 
+from ancf_casadi import Measurement
 from ancf_casadi.decay.closed_forms import linear_decay
-from problems import fit_decay, fit_modes
+from problems import fit_decay, fit_modes, isolate_mode
 from problems.decay.laws import DecayModel
 
 TIME = np.arange(0.0, 5.0, 1 / 500)
@@ -197,3 +198,15 @@ def test_modes_are_told_apart_in_95_percent_of_the_records(apart):
     """
     records = [(kind, 1000 + seed) for kind in ("moving", "close", "harmonic") for seed in range(5)]
     assert sum(apart.told_apart(*record)[0] for record in records) >= binom.ppf(0.001, len(records), 0.95)
+
+
+def test_a_mode_in_a_band_is_found_beside_a_stronger_one_under_quadratic_damping():
+    t, rng = np.arange(0.0, 12.0, 1 / 150), np.random.default_rng(0)
+    falling = np.exp(-0.075 * t)
+    strong = 10.0 * falling / (1.0 + 1.5 * (1.0 - falling)) * np.cos(2 * np.pi * 3.0 * t)
+    weak = np.exp(-0.6 * t) * np.cos(2 * np.pi * 19.0 * t)
+    record = Measurement(t, strong + weak + 0.02 * rng.normal(size=t.size))
+    fit = fit_decay(isolate_mode(record, (13.6, 25.5)).record)
+    low, high = fit.intervals()["damping_ratio"]
+    assert low < 0.6 / (2 * np.pi * 19.0) < high < 1.1 * low
+    assert fit.frequency == pytest.approx(19.0, abs=3e-3)

@@ -2,6 +2,7 @@
 
 import contextlib
 import gc
+import importlib
 import os
 import signal
 import threading
@@ -226,6 +227,8 @@ file = "decay.csv"
     ids=["fit_decay", "run_study", "reproduce"],
 )
 def test_ctrl_c_in_a_casadi_call_ends_a_fit_and_a_study(work, tmp_path, monkeypatch):
+    for name in ("scipy.optimize", "matplotlib.pyplot"):  # Ctrl-C in an import would leave half a module behind
+        importlib.import_module(name)
     monkeypatch.chdir(tmp_path)
     instants = np.arange(0.0, 5.0, 0.01)
     values = 5e-3 * np.exp(-0.3 * instants) * np.cos(19.0 * instants)

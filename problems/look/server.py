@@ -5,6 +5,7 @@ It listens, and prints its address, before it imports what builds the page: the 
 
 from __future__ import annotations
 
+import gc
 import secrets
 import socket
 import tempfile
@@ -33,6 +34,7 @@ def serve(files: Sequence[str], *, open_browser: bool) -> None:
 
 def _serve(files: Sequence[str], listener: socket.socket, token: str, address: str, folder: Path) -> None:
     """Serve the page on a socket that listens."""
+    gc.disable()  # the imports make many objects and hardly any garbage
     import uvicorn  # all of these are slow to import
     from fastapi import FastAPI
     from nicegui import Client, app, ui
@@ -51,6 +53,7 @@ def _serve(files: Sequence[str], listener: socket.socket, token: str, address: s
 
     if files:  # while the browser starts, so that the page finds the result
         WORKER.submit(compute_first, files)
+    WORKER.submit(gc.enable)
     app.on_disconnect(lambda: app.timer(SECONDS_TO_RECONNECT, end_if_closed, once=True))
     server_app = FastAPI()
 

@@ -84,7 +84,9 @@ def clear_peaks(frequency: Array, amplitude: Array, most: int) -> list[int]:
         )
         if amplitude[place] == near.max() and amplitude[place] ** 2 > limit * np.median(around) ** 2:
             peaks.append(place)
-    return peaks[:most]
+        if len(peaks) == most:
+            break
+    return peaks
 
 
 def oscillating_power(time: Array, values: Array, lowest_frequency: float) -> float:

@@ -89,10 +89,8 @@ def run_fit_decay(options: argparse.Namespace) -> Output:
     _check(options)
     _check_outputs(options, len(options.files))
     if options.quantity == "amplitude":
-        record, settings = (
-            read_record(options.files[0], options),
-            option_values(options, ("law", "frequency", "robust")),
-        )
+        record = read_record(options.files[0], options)
+        settings = option_values(options, ("law", "frequency", "robust"))
         with error_prefix(options.files[0]):
             return result_output(fit_decay(record, quantity="amplitude", **settings), options.plot)
     times = releases(options, len(options.files))
@@ -162,9 +160,11 @@ def _fit(
         if len(records) == 1:
             laws = {name: getattr(options, name) for name in LAWS}
             result = fit_or_compare(records[0], laws, release_time=times[0], robust=options.robust)
-            fits, text = [result.best if isinstance(result, LawComparison) else result], result.report()
+            text = result.report()
             if isinstance(result, LawComparison):
-                extra = {"comparison": result.to_dict()}
+                fits, extra = [result.best], {"comparison": result.to_dict()}
+            else:
+                fits = [result]
         else:
             settings = option_values(options, (*LAWS, "robust"))
             release_times = [time for time in times if time is not None]

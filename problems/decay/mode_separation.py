@@ -224,8 +224,9 @@ def _curves(modes: Sequence[DecayFit], in_band: DecayFit) -> list[Array]:
     for k, fit in enumerate(modes):
         moving_mode = fit_amplitude_dependent(fit, t, residuals + curves[k])
         if moving_mode is not None and explains_more(moving_mode, residuals, curves[k]):
-            residuals = residuals + curves[k] - moving_mode.displacement(t)
+            residuals = residuals + curves[k]
             curves[k] = moving_mode.displacement(t)
+            residuals = residuals - curves[k]
     return curves
 
 

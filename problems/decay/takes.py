@@ -196,8 +196,8 @@ class DecayFits(LeastSquaresResult, Sequence[DecayFit]):
         """Return the table and the fit to all records as text."""
         if not self.agreements:
             return self.fits[0].report()
-        known = self.fits[0].warnings
-        notes = [f"  note: {text}" for text in self.warnings if text.removeprefix("record 1: ") not in known]
+        in_report = self.fits[0].warnings  # of the first record, which follows
+        notes = [f"  note: {text}" for text in self.warnings if text.removeprefix("record 1: ") not in in_report]
         return "\n".join([self.table().text(), *notes, "", self.fits[0].report()])
 
     def to_dict(self) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""Where the guesses of a fit stand in its study."""
+"""Places in the file of a study that hold the guesses of its fit."""
 
 from __future__ import annotations
 

@@ -196,8 +196,6 @@ def read_pictures(
     times: list[float] = []
     with open_video(path) as video, error_prefix(str(path)):
         pictures = list(itertools.islice(_frames(video, rate, interval, times), 0, None, step))
-        if not times:
-            raise InputError(f"ends before {interval[0]:g} s")
         time, _ = _time(np.array(times), rate or video.frame_rate)
     return time[::step], pictures
 
@@ -222,15 +220,13 @@ def _sought(
 def _pictures(
     cv2: Any, video: Video, rate: float | None, interval: tuple[float, float], times: list[float]
 ) -> Iterator[Picture]:
-    """Yield the smoothed pictures of an interval of a video, at least one, and append their times to ``times``."""
+    """Yield the smoothed pictures of ``_frames``."""
     for picture in _frames(video, rate, interval, times):
         yield cv2.GaussianBlur(picture.astype(np.float32), (0, 0), SMOOTHING)
-    if not times:
-        raise InputError(f"ends before {interval[0]:g} s")
 
 
 def _frames(video: Video, rate: float | None, interval: tuple[float, float], times: list[float]) -> Iterator[Picture]:
-    """Yield the pictures of an interval of a video, and append their times to ``times``."""
+    """Yield the pictures of an interval of a video, at least one, and append their times to ``times``."""
     begin, end = interval
     if not rate and not video.frame_rate > 0.0:
         raise InputError("states no frame rate; give --sample-rate")
@@ -242,14 +238,17 @@ def _frames(video: Video, rate: float | None, interval: tuple[float, float], tim
         if count > 1 and times and time <= times[-1]:
             time = times[-1] + 1 / (rate or video.frame_rate)
         if time > end:
-            return
+            break
         if time >= begin:
             times.append(time)
             yield picture
-    # some files state a frame or two more than they hold
-    if count < 0.98 * video.count:
-        last = f"{times[-1]:.6g}" if times else "0"
-        raise InputError(f"breaks off after {count} of {video.count} frames; give --end {last} to use these")
+    else:
+        # some files state a frame or two more than they hold
+        if count < 0.98 * video.count:
+            last = f"{times[-1]:.6g}" if times else "0"
+            raise InputError(f"breaks off after {count} of {video.count} frames; give --end {last} to use these")
+    if not times:
+        raise InputError(f"ends before {begin:g} s")
 
 
 def _time(stamps: Array, rate: float) -> tuple[Array, str]:

@@ -328,7 +328,8 @@ def refuse_branches(law: DampingLaw) -> None:
     """Raise an ``InputError`` for a law with Maxwell branches, where the history of the motion is unknown."""
     if law.branch_values[0].size:
         raise InputError(
-            "has a material that relaxes, which is not modelled here; use RayleighDamping instead", "damping"
+            "has a material that relaxes, which is not modelled here; use a law without, such as RayleighDamping",
+            "damping",
         )
 
 

@@ -135,11 +135,26 @@ class Agreement:
         if self.probability >= DISAGREE:
             return None
         pairs = zip(self.values.tolist(), self.errors.tolist(), strict=True)
-        listed = ", ".join(with_error(*pair) for pair in pairs)
+        texts = [with_error(*pair) for pair in pairs]
+        outlier = "" if self.outlier is None else f" (all but number {self.outlier + 1}, {texts[self.outlier]}, agree)"
         return (
-            f"the records do not agree on {self.name}: {listed}; the fit to all of them understates its error; "
-            f"use the mean with its scatter, {with_error(self.mean, self.error)}"
+            f"the records do not agree on {self.name}: {', '.join(texts)}{outlier}; the fit to all of them understates "
+            f"its error; use the mean with its scatter, {with_error(self.mean, self.error)}"
         )
+
+    @property
+    def outlier(self) -> int | None:
+        """Index of the one estimate without which three or more others agree; None if they agree, or if none is."""
+        count = len(self.values)
+        if self.agrees or count < 4:
+            return None
+        others = [np.arange(count) != k for k in range(count)]
+        agreeing = [k for k in range(count) if self._subset(others[k]).agrees]
+        return agreeing[0] if len(agreeing) == 1 else None
+
+    def _subset(self, mask: Mask) -> Agreement:
+        """Return the agreement of some of the estimates."""
+        return replace(self, values=self.values[mask], errors=self.errors[mask])
 
     def text(self) -> str:
         """Return the agreement as one line."""

@@ -13,7 +13,6 @@ from typing import Any
 
 import numpy as np
 
-from ancf_casadi.decay.release import find_release
 from ancf_casadi.decay.spectrum import peak_frequencies, step_frequency
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.records.channel import RecordedChannel, Recording, is_time, widest
@@ -30,6 +29,7 @@ from ancf_casadi.support.tables import Table, finite_or_none
 from problems.command.output import Output, add_plot, figure_writers, new_files
 from problems.command.record_options import FILE_KEYS, add_record_options
 from problems.decay.amplitudes import is_amplitude_decay
+from problems.decay.free_decay import clean_record, cut_at_release
 
 MOST_CHANNELS_SHOWN = 40  # channels in the table
 EPILOG = """\
@@ -151,19 +151,14 @@ def _plan(recording: Recording, options: argparse.Namespace, problem: str) -> di
         channel = recording.channel(options.column)
         sensor = None if options.sensor is None else Sensor(options.sensor)
         record = Measurement.from_recording(recording, options.column, unit=options.unit, sensor=sensor)
+        plan |= {"column": f"{channel.number} '{channel.name}'", "quantity": record.sensor.quantity}
+        if is_amplitude_decay(channel.name, record.values):
+            return plan | {"samples": len(record.time), "release": float(record.time[0]), "reason": AMPLITUDES}
+        decay = cut_at_release(clean_record(record))
     except InputError as error:
         return plan | {"problem": str(error)}
-    release, reason, periods = float(record.time[0]), "the first sample", math.nan
-    if even := _resample_evenly(channel):
-        detected = find_release(*even)
-        time, values = even[0][detected.index :], even[1][detected.index :]
-        release, reason = float(time[0]), detected.reason
-        periods = _peak(time, values) * float(time[-1] - release)
-    if is_amplitude_decay(channel.name, record.values):
-        release, reason, periods = float(record.time[0]), AMPLITUDES, math.nan
-    samples = int((record.time >= release).sum())
-    column, quantity = f"{channel.number} '{channel.name}'", record.sensor.quantity
-    return plan | {"column": column, "quantity": quantity, "samples": samples, "release": release, "reason": reason,
+    periods = decay.guess.ω * float(decay.record.time[-1]) / (2 * math.pi)
+    return plan | {"samples": len(decay.record.time), "release": decay.release_time, "reason": decay.guess.reason,
                    "periods": periods}  # fmt: skip
 
 
@@ -222,6 +217,8 @@ def _sampling(times: Mapping[str, Any]) -> str:
 
 def _advice(options: argparse.Namespace, recording: Recording, plan: Mapping[str, Any]) -> list[str]:
     """Return what a fit would use, and the next command."""
+    if plan["problem"] and plan["column"]:
+        return [f"A fit refuses column {plan['column']}: it {plan['problem'].removeprefix('record: ')}"]
     if plan["problem"]:
         lines = [f"A fit needs more: {plan['problem'].removeprefix(f'{recording.path}: ')}"]
         candidates = [channel for channel in recording.measured if channel.time is not None]

@@ -17,8 +17,8 @@ from problems.look.widgets import columns, report_label, show_notes
 from problems.look.worker import work
 from problems.study.formatting import shown
 
-HEADS = {"file": "take", "record": "record", "release": "release, s", "frequency": "frequency, Hz",
-         "damping_ratio": "damping ratio, %", "amplitude": "amplitude range"}  # fmt: skip
+HEADS = {"file": "take", "record": "record", "release": "release, s", "frequency": "frequency at release, Hz",
+         "damping_ratio": "damping ratio at release, %", "amplitude": "amplitude range"}  # fmt: skip
 WIDTH, HEIGHT = SPARKLINE
 ROW = f"""
 <q-tr :props="props" class="cursor-pointer" :style="props.row.is_shown ? 'background: rgba(136, 136, 136, 0.2)' : ''"

@@ -171,3 +171,16 @@ def test_two_records_may_agree_by_chance():
         low, high = Agreement("x", "", math.sqrt(5) * rng.standard_normal(2), np.ones(2)).interval
         covered += low <= 0.0 <= high
     assert covered >= stats.binom.ppf(0.003, 400, 0.93)
+
+
+@pytest.mark.parametrize("values, outlier", [
+    ([1.0, 1.1, 3.0, 0.9, 1.0], 2),
+    ([1.0, 1.1, 0.9, 1.0], None),  # all agree
+    ([1.0, 3.0, 1.1], None),  # two of three agree soon by chance
+    ([1.0, 3.0, -1.0, 1.1], None),  # no three of them agree
+    ([1.0, 1.0, 3.0, 3.0], None),  # either pair may be right
+])  # fmt: skip
+def test_an_estimate_is_an_outlier_if_all_others_agree_without_it(values, outlier):
+    agreement = Agreement("x", "", np.array(values), np.full(len(values), 0.1))
+    assert agreement.outlier == outlier
+    assert ("all but number 3, 3 +- 0.1" in (agreement.warning or "")) == (outlier == 2)

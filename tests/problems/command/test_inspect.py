@@ -47,6 +47,22 @@ def test_channels_rate_spectrum_and_release_are_found(record, capsys):
     assert data["fit"]["periods"] == pytest.approx(22.0, abs=1.0)
 
 
+def test_the_record_is_cut_and_refused_as_by_fit_decay(record, capsys):
+    """At uneven times, with an outlier before the release; and a record of noise."""
+    rng = np.random.default_rng(0)
+    values = np.where(TIME == 0.2, 50.0, MM) + 0.01 * rng.standard_normal(TIME.size)
+    name = record(keep=rng.random(TIME.size) > 0.2, columns=(1e3 * TIME, values))
+    plan = inspected(capsys, name)["fit"]
+    assert main(["fit-decay", name, "--json"]) == 0
+    fit = json.loads(capsys.readouterr().out)
+    assert (plan["release"], plan["samples"], plan["reason"]) == (
+        fit["release_time_s"], fit["samples"], fit["release_reason"],
+    )  # fmt: skip
+    noise = record(columns=(1e3 * TIME, rng.standard_normal(TIME.size)))
+    assert "nothing oscillates" in inspected(capsys, noise)["fit"]["problem"]
+    assert main(["fit-decay", noise]) == 2
+
+
 @pytest.mark.slow
 def test_a_formula_in_the_names_of_file_and_column_is_drawn_as_text(record, tmp_path, capsys):
     """Matplotlib once tried to set it, and failed."""

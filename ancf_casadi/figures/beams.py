@@ -13,7 +13,7 @@ from ancf_casadi.mechanics.beam import Beam
 from ancf_casadi.mechanics.lumped import COMBINED, PROPERTIES
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.support.arrays import Array
-from ancf_casadi.support.figures import COMPUTED, MEASURED, PAGE_WIDTH, SERIES, literal_text
+from ancf_casadi.support.figures import BAND, COMPUTED, GRID, MEASURED, PAGE_WIDTH, REFERENCE, SERIES, literal_text
 
 
 def points_along(model: Model, coordinates: Array) -> Array:
@@ -26,7 +26,7 @@ def draw_plane(axes: Axes) -> None:
     """Draw the axes of positions."""
     axes.set(xlabel="horizontal position x, mm", ylabel="vertical position y, mm")
     axes.set_aspect("equal", adjustable="datalim")  # fills the panel, whether the beam stands or lies
-    axes.grid(alpha=0.3)
+    axes.grid(**GRID)
 
 
 def line_styles(results: Mapping[str, object]) -> list[tuple[str, Any]]:
@@ -47,7 +47,7 @@ def match_figure(targets: Array, standard: Array, matched: Array, initial_beam: 
         (matched, "matched", COMPUTED, "o"),
     ):
         axes.plot(places, 100 * (frequencies / targets - 1), marker, color=colour, label=label)
-    axes.axhline(0.0, ls=":", lw=0.8, color=MEASURED)
+    axes.axhline(0.0, **REFERENCE)
     axes.margins(y=0.2)
     axes.set(ylabel="deviation, %", xlabel="measured frequency", xticks=places,
              xticklabels=[f"{target:.5g} Hz" for target in targets])  # fmt: skip
@@ -68,9 +68,9 @@ def _draw_properties(figure: SubFigure, initial_beam: Beam, matched_beam: Beam, 
         change = 100 * (np.array(getattr(matched_beam, name)) / np.array(getattr(initial_beam, name)) - 1)
         low, high = 100 * np.broadcast_to(ranges[name], (matched_beam.elements, 2)).T
         axes.fill_between(edges, np.append(low, low[-1]), np.append(high, high[-1]), step="post", color=COMPUTED,
-                          alpha=0.2, lw=0, label="fits equally well")  # fmt: skip
+                          **BAND, label="fits equally well")  # fmt: skip
         axes.stairs(change, edges, baseline=None, color=COMPUTED, lw=1.5, label="matched")
-        axes.axhline(0.0, ls=":", lw=0.8, color=MEASURED)
+        axes.axhline(0.0, **REFERENCE)
         axes.set(ylabel="{}, %".format(name.replace("_", "\n")), xlim=(0.0, edges[-1]))
     plots[0].legend(frameon=False, loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=2)
     plots[-1].set(xlabel="arc length, mm")

@@ -14,7 +14,18 @@ from ancf_casadi.decay.envelope import DampingCurve, LawCurve
 from ancf_casadi.decay.spectrum import power_spectrum
 from ancf_casadi.figures.fits import draw_autocorrelation
 from ancf_casadi.support.arrays import Array, extremes
-from ancf_casadi.support.figures import COMPUTED, MEASURED, PAGE_WIDTH, SERIES, literal_text, si_prefix
+from ancf_casadi.support.figures import (
+    BAND,
+    COMPUTED,
+    CURVE,
+    LEGEND,
+    MEASURED,
+    PAGE_WIDTH,
+    REFERENCE,
+    SERIES,
+    literal_text,
+    si_prefix,
+)
 
 PLOT_COLUMNS = 600  # intervals of a long record, each drawn by its extremes
 
@@ -40,7 +51,7 @@ def decay_figure(
     _draw_fit(over_time, below, time, measured, curve, values, unit)
     axes = lowest.subplots(1, 2)
     draw_against_amplitude(axes, points, law)
-    axes[0].legend(frameon=False, fontsize="small")
+    axes[0].legend(**LEGEND)
     return figure
 
 
@@ -69,14 +80,14 @@ def decay_modes_figure(
         spectrum_axes.semilogy(frequency[in_range], np.sqrt(power[in_range]), lw=0.8, color=colour,
                           label=label)  # fmt: skip
     for mode_frequency in frequencies:
-        spectrum_axes.axvline(mode_frequency, ls=":", lw=0.8, color=MEASURED)
+        spectrum_axes.axvline(mode_frequency, **REFERENCE)
     spectrum_axes.set(xlabel="frequency, Hz", ylabel="spectrum", yticks=[])
-    spectrum_axes.legend(frameon=False, fontsize="small")
+    spectrum_axes.legend(**LEGEND)
     size, name = si_prefix(float(np.abs(measured).max()), unit)
     for (label, amplitude), (tint, *_) in zip(amplitudes.items(), itertools.cycle(SERIES)):
         amplitude_axes.semilogy(time, amplitude / size, color=tint, label=label)
     amplitude_axes.set(xlabel="time, s", ylabel=f"amplitude of each mode, {name}" if name else "amplitude of each mode")
-    amplitude_axes.legend(frameon=False, fontsize="small")
+    amplitude_axes.legend(**LEGEND)
     return figure
 
 
@@ -97,19 +108,19 @@ def _draw_fit(
     plots = figure.subplots(1, 2, width_ratios=(3, 2), sharey=True) if is_long else [figure.subplots()]
     if is_long:
         columns = min(PLOT_COLUMNS, len(turns) // 2)  # a period or more in each
-        plots[0].fill_between(*extremes(time, measured / size, columns), color=MEASURED, alpha=0.35, lw=0,
+        plots[0].fill_between(*extremes(time, measured / size, columns), color=MEASURED, **BAND,
                               label="record, extremes")  # fmt: skip
         begins, *lines = extremes(time, fitted / size, columns)
         for line, label in zip(lines, (None, "fit, extremes"), strict=True):
-            plots[0].plot(begins, line, lw=1, color=COMPUTED, label=label)
+            plots[0].plot(begins, line, **CURVE, label=label)
     end = time[turns[2 * 8]] if is_long else time[-1]  # the periods drawn beside the extremes
     in_range = time <= end
     fine_times = np.linspace(time[0], end, 4000)  # points of a drawn curve
     plots[-1].plot(time[in_range], measured[in_range] / size, ".", ms=3, color=MEASURED, label="record")
-    plots[-1].plot(fine_times, curve(fine_times) / size, lw=1, color=COMPUTED, label="fit")
+    plots[-1].plot(fine_times, curve(fine_times) / size, **CURVE, label="fit")
     for axes in plots:
         axes.set(xlabel="time, s")
-    plots[0].legend(frameon=False, fontsize="small", loc="upper right")
+    plots[0].legend(**LEGEND, loc="upper right")
     plots[0].set(ylabel=f"record, {name}" if name else "record")
     if title:
         figure.suptitle(title, fontsize="medium")
@@ -145,8 +156,8 @@ def draw_against_amplitude(axes: Sequence[Axes], points: DampingCurve | None, la
     ):
         if law is not None:
             low, high = scale * getattr(law, f"{name}_band").T
-            ax.fill_between(law.amplitude / size, low, high, color=COMPUTED, alpha=0.25, lw=0)
-            ax.plot(law.amplitude / size, scale * getattr(law, name), lw=1.2, color=COMPUTED, label="law, 95 % band")
+            ax.fill_between(law.amplitude / size, low, high, color=COMPUTED, **BAND)
+            ax.plot(law.amplitude / size, scale * getattr(law, name), **CURVE, label="law, 95 % band")
         if points is not None:  # those that noise leaves clear; the others would set the scale
             errors = points.damping_ratio_errors
             clear = errors <= max(np.median(np.abs(points.damping_ratio)), 3 * errors.min())

@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 
 from ancf_casadi.figures.beams import draw_plane, line_styles, points_along
 from ancf_casadi.figures.symbols import draw_loads, draw_symbols
-from ancf_casadi.support.figures import MEASURED, literal_text
+from ancf_casadi.support.figures import GRID, LEGEND, MEASURED, REFERENCE, literal_text
 from ancf_casadi.vibration.equilibrium import Equilibrium
 from ancf_casadi.vibration.paths import EquilibriumPath
 
@@ -20,7 +20,7 @@ def equilibrium_figure(equilibria: Mapping[str, Equilibrium]) -> Figure:
     figure = Figure(figsize=(6.4, 5.6), layout="constrained")
     axes = figure.subplots()
     for (label, equilibrium), (colour, dash) in zip(equilibria.items(), line_styles(equilibria), strict=False):
-        axes.plot(*points_along(equilibrium.model, equilibrium.model.straight), color=MEASURED, ls=":", lw=0.8)
+        axes.plot(*points_along(equilibrium.model, equilibrium.model.straight), **REFERENCE)
         axes.plot(
             *points_along(equilibrium.model, equilibrium.coordinates),
             color=colour,
@@ -32,7 +32,7 @@ def equilibrium_figure(equilibria: Mapping[str, Equilibrium]) -> Figure:
         draw_loads(axes, equilibrium.model, equilibrium.coordinates, equilibrium.all_loads)
     axes.lines[0].set_label("without load")
     draw_plane(axes)
-    figure.legend(frameon=False, fontsize="small", loc="outside lower center", ncols=4)
+    figure.legend(**LEGEND, loc="outside lower center", ncols=4)
     return figure
 
 
@@ -55,6 +55,6 @@ def path_figure(paths: Mapping[str, EquilibriumPath], point: float | None = None
     axes.lines[0].set_label("unstable")
     axes.lines[-1].set_label("limit point or bifurcation")
     axes.set(xlabel=f"{'xy'[component]} displacement of the point at {point:.4g} m, mm", ylabel="factor")
-    axes.grid(alpha=0.3)
-    figure.legend(frameon=False, fontsize="small", loc="outside lower center", ncols=4)
+    axes.grid(**GRID)
+    figure.legend(**LEGEND, loc="outside lower center", ncols=4)
     return figure

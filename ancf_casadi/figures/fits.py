@@ -16,7 +16,17 @@ from ancf_casadi.estimation.agreement import Agreement
 from ancf_casadi.estimation.noise.series import autocorrelation
 from ancf_casadi.estimation.prediction import TIME_AXIS, PredictedChannel
 from ancf_casadi.support.arrays import Array
-from ancf_casadi.support.figures import COMPUTED, MEASURED, literal_text, si_prefix
+from ancf_casadi.support.figures import (
+    BAND,
+    COMPUTED,
+    CURVE,
+    LEGEND,
+    MEASURED,
+    POINTS,
+    REFERENCE,
+    literal_text,
+    si_prefix,
+)
 
 PLOTS_PER_ROW = 4  # plots of estimates in a row
 
@@ -24,9 +34,9 @@ PLOTS_PER_ROW = 4  # plots of estimates in a row
 def draw_autocorrelation(axes: Axes, residuals: Array) -> None:
     """Draw the autocorrelation of residuals; for white noise, 95 % of the lags are between the dotted lines."""
     correlation = np.nan_to_num(autocorrelation(residuals)[:201])  # lags
-    axes.plot(np.arange(len(correlation)), correlation, lw=1, color=COMPUTED)
+    axes.plot(np.arange(len(correlation)), correlation, **CURVE)
     for edge in (-1.96, 1.96):
-        axes.axhline(edge / len(residuals) ** 0.5, ls=":", lw=0.8, color=MEASURED)
+        axes.axhline(edge / len(residuals) ** 0.5, **REFERENCE)
     axes.set(xlabel="lag, samples", ylabel="autocorrelation")
 
 
@@ -44,7 +54,7 @@ def criteria_figure(names: Sequence[str], criteria: Mapping[str, Sequence[float]
         axes.hlines(places[finite] + shift, 0.0, differences, color=colour, lw=2)
         axes.plot(differences, places[finite] + shift, "o", color=colour, clip_on=False, label=label)
     axes.set_xscale("symlog", linthresh=10.0)
-    axes.axvspan(0.0, 10.0, color=COMPUTED, alpha=0.1, lw=0)
+    axes.axvspan(0.0, 10.0, color=COMPUTED, **BAND)
     highest = max(20.0, 1.1 * axes.get_xlim()[1])
     ticks = [tick for tick in (0, 5, 10, 100, 1000, 10_000, 100_000) if tick <= highest]
     axes.set(xlim=(0.0, highest), xticks=ticks, xticklabels=[f"{tick:d}" for tick in ticks])
@@ -83,9 +93,9 @@ def agreement_figure(quantities: Sequence[tuple[str, Agreement]]) -> Figure:
     plots = figure.subplots(1, max(len(quantities), 1), squeeze=False).ravel()
     for axes, (label, agreement) in zip(plots, quantities, strict=False):
         places = np.arange(1, len(agreement.values) + 1)
-        axes.axhspan(*agreement.interval, color=COMPUTED, alpha=0.2, lw=0)
-        axes.axhline(agreement.mean, lw=1, color=COMPUTED)
-        axes.errorbar(places, agreement.values, yerr=1.96 * agreement.errors, fmt="o", ms=4, lw=1, color=MEASURED)
+        axes.axhspan(*agreement.interval, color=COMPUTED, **BAND)
+        axes.axhline(agreement.mean, **CURVE)
+        axes.errorbar(places, agreement.values, yerr=1.96 * agreement.errors, **POINTS, color=MEASURED)
         axes.set(xlabel="record", ylabel=label, xticks=places, xlim=(0.5, len(places) + 0.5))
         axes.ticklabel_format(axis="y", useOffset=False)
     return figure
@@ -106,7 +116,7 @@ def saved_figure(fits: Mapping[str, Any]) -> Figure:
         }
         values, low, high = np.array(list(values_by_fit.values())).T
         reach = np.nan_to_num(np.array([values - low, high - values]), posinf=0.0).clip(0.0)
-        axes.errorbar(range(len(values_by_fit)), values, yerr=reach, fmt="o", ms=4, lw=1, color=COMPUTED)
+        axes.errorbar(range(len(values_by_fit)), values, yerr=reach, fmt="o", ms=4, **CURVE)
         axes.set(ylabel=f"{name}, {unit}".removesuffix(", ").replace("_", " "), xlim=(-0.5, len(values_by_fit) - 0.5))
         axes.set_xticks(range(len(values_by_fit)), list(values_by_fit))
         axes.ticklabel_format(axis="y", useOffset=False)
@@ -145,7 +155,7 @@ def channels_figure(results: Mapping[str, Any]) -> Figure:
             lower.xaxis.set_major_locator(MaxNLocator(integer=True))
         upper.lines[0].set_label("measured")
         place = {"loc": "center left", "bbox_to_anchor": (1.0, 0.5)} if len(channels) > 1 else {}  # beside the data
-        upper.legend(frameon=False, fontsize="small", **place)
+        upper.legend(**LEGEND, **place)
     for unused in plots.reshape(rows, 2, columns).swapaxes(1, 2).reshape(-1, 2)[len(diagrams) :].ravel():
         figure.delaxes(unused)
     return figure
@@ -189,7 +199,7 @@ def corner_figure(labels: Sequence[str], columns: Sequence[Array], shares: Seque
             if j == i:
                 axes.hist(columns[i], bins="sqrt", color=COMPUTED, alpha=0.5)
                 for end in np.quantile(columns[i], [0.025, 0.975]).tolist():
-                    axes.axvline(end, ls=":", lw=0.8, color=MEASURED)
+                    axes.axvline(end, **REFERENCE)
             else:
                 _draw_pair(axes, columns[j], columns[i], shares)
             axes.tick_params(labelsize=7, labelbottom=i == n - 1, labelleft=0 == j < i, axis="both")

@@ -12,7 +12,7 @@ from ancf_casadi.dynamics.damped_modes import DampedModes
 from ancf_casadi.figures.beams import line_styles, points_along
 from ancf_casadi.figures.symbols import draw_symbols
 from ancf_casadi.support.arrays import Array
-from ancf_casadi.support.figures import MEASURED, literal_text
+from ancf_casadi.support.figures import GRID, LEGEND, REFERENCE, literal_text
 from ancf_casadi.vibration.modes import Modes
 
 SHAPE_SHARE = 0.15  # largest displacement in a drawn mode, relative to the length of the beam
@@ -50,7 +50,7 @@ def _draw_mode(axes: Axes, k: int, results: Mapping[str, Modes]) -> None:
         if k >= modes.count:
             continue
         equilibrium, shape = modes.equilibrium.coordinates, scaled_shape(modes, k)
-        axes.plot(*points_along(modes.model, equilibrium), ls=":", lw=0.8, color=MEASURED)
+        axes.plot(*points_along(modes.model, equilibrium), **REFERENCE)
         draw_symbols(axes, modes.model, equilibrium)
         for side, width in ((1.0, 1.5), (-1.0, 0.5)):
             axes.plot(*points_along(modes.model, equilibrium + side * shape), lw=width, color=colour, ls=dash,
@@ -75,9 +75,9 @@ def damped_modes_figure(results: Mapping[str, DampedModes]) -> Figure:
         results.items(), line_styles(results), "osD^v" * len(results), strict=False
     ):
         axes.plot(modes.eigenvalues.real, modes.eigenvalues.imag, marker, color=colour, label=label or None)
-    axes.axvline(0.0, ls=":", lw=1.0, color=MEASURED)
+    axes.axvline(0.0, **REFERENCE)
     axes.set(xlabel="real part, 1/s", ylabel="imaginary part, rad/s")
-    axes.grid(alpha=0.3)
+    axes.grid(**GRID)
     if any(results):
-        axes.legend(frameon=False, fontsize="small")
+        axes.legend(**LEGEND)
     return figure

@@ -13,7 +13,7 @@ from ancf_casadi.dynamics.trajectory import Motion
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.figures.beams import draw_plane, line_styles, points_along
 from ancf_casadi.figures.symbols import draw_symbols
-from ancf_casadi.support.figures import MEASURED, literal_text
+from ancf_casadi.support.figures import GRID, LEGEND, MEASURED, literal_text
 
 
 @literal_text
@@ -34,11 +34,11 @@ def motion_figure(runs: Mapping[str, Motion]) -> Figure:
             axes.plot(run.time, 1e3 * (motion - motion[0]), lw=0.7, color=colour, ls=dash, label=label or None)
     for axes, direction in zip(panels, ("horizontal", "vertical"), strict=True):
         axes.set(ylabel=f"{direction}, mm")
-        axes.grid(alpha=0.3)
+        axes.grid(**GRID)
     panels[-1].set(xlabel="time, s")
     over_time.align_ylabels()
     if any(runs):
-        panels[0].legend(frameon=False, fontsize="small")
+        panels[0].legend(**LEGEND)
     _draw_shapes(in_plane.subplots(), runs)
     return figure
 
@@ -58,4 +58,4 @@ def _draw_shapes(axes: Axes, runs: Mapping[str, Motion]) -> None:
         draw_symbols(axes, run.model, run.state(-1).coordinates)
     draw_plane(axes)
     axes.set_title(f"shape of the beam at {len(rows)} instants", fontsize="medium")
-    axes.figure.legend(frameon=False, fontsize="small", loc="outside lower center", ncols=3 if is_single else 2)
+    axes.figure.legend(**LEGEND, loc="outside lower center", ncols=3 if is_single else 2)

@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 
 from ancf_casadi.records.processing import amplitude_spectrum
 from ancf_casadi.support.arrays import Array
-from ancf_casadi.support.figures import COMPUTED, MEASURED, literal_text
+from ancf_casadi.support.figures import COMPUTED, MEASURED, REFERENCE, literal_text
 
 
 @literal_text
@@ -35,7 +35,7 @@ def spectra_figure(
         _draw(time_axes, time, values)
         time_axes.set(ylabel=label)
         if math.isfinite(release):
-            time_axes.axvline(release, ls=":", lw=0.8, color=MEASURED)
+            time_axes.axvline(release, **REFERENCE)
         frequency, spectrum = amplitude_spectrum(grid, even_values)
         spectrum_axes.semilogy(
             frequency[1:], np.maximum(spectrum[1:], 1e-6 * spectrum.max(initial=1e-300)), lw=0.6, color=COMPUTED

@@ -18,7 +18,7 @@ from ancf_casadi.response.curve import ResponseCurve
 from ancf_casadi.response.linear_frf import LinearFrf
 from ancf_casadi.response.periodic import PERIOD_SAMPLES, PeriodicMotion
 from ancf_casadi.support.arrays import Array, ComplexArray
-from ancf_casadi.support.figures import SERIES, literal_text
+from ancf_casadi.support.figures import GRID, LEGEND, SERIES, literal_text
 
 BIFURCATION_MARKERS = {"fold": "o", "branch point": "D", "period doubling": "s", "Neimark-Sacker": "^"}
 UNSTABLE_DASH = (0, (4, 2))
@@ -56,7 +56,7 @@ def _two_axes(figure: Figure, **settings: Any) -> tuple[Axes, Axes]:
     """Return two diagrams of a figure, one below the other."""
     above, below = figure.subplots(2, 1, **settings)
     for axes in (above, below):
-        axes.grid(alpha=0.3)
+        axes.grid(**GRID)
     return above, below
 
 
@@ -164,7 +164,7 @@ def bode_figure(columns: Sequence[Sequence[Curve]], label: str, titles: Sequence
         if column < len(titles):
             above.set_title(titles[column], fontsize="medium")
         if any(curve.name for curve in curves) and len(curves) <= 12 and count == 1:  # curves of a plot in its legend
-            above.legend(frameon=False, fontsize="small")
+            above.legend(**LEGEND)
         below.set(xlabel="frequency, Hz")
     if count > 1:
         figure.legend(*plots[0, 0].get_legend_handles_labels(), frameon=False, loc="outside lower center", ncols=3)
@@ -189,7 +189,7 @@ def _draw_bode(above: Axes, below: Axes, curves: Sequence[Curve]) -> None:
         below.set_xscale("log")
     below.set(ylim=(-190.0, 190.0), yticks=[-180, -90, 0, 90, 180])
     for axes in (above, below):
-        axes.grid(alpha=0.25, lw=0.6)
+        axes.grid(**GRID)
 
 
 def _break_at_jumps(degrees: Array) -> Array:

@@ -36,6 +36,13 @@ SERIES: tuple[tuple[str, object, str], ...] = (  # colour, dash, marker
     ("#b8860b", (0, (3, 1, 1, 1, 1, 1)), "v"),
 )
 
+REFERENCE: dict[str, Any] = {"color": MEASURED, "ls": ":", "lw": 0.8}  # line with which others are compared
+CURVE: dict[str, Any] = {"color": COMPUTED, "lw": 1.0}
+POINTS: dict[str, Any] = {"fmt": "o", "ms": 4.0, "lw": 1.0}  # with bars of their errors
+BAND: dict[str, Any] = {"alpha": 0.2, "lw": 0.0}
+GRID: dict[str, Any] = {"alpha": 0.3}
+LEGEND: dict[str, Any] = {"frameon": False, "fontsize": "small"}
+
 DOTS_PER_INCH = 130
 PAGE_WIDTH = 5.2  # inches, of a figure whose letters stay readable on a narrow page
 PREFIXES = {0: "", -3: "m", -6: "µ", -9: "n", -12: "p", 3: "k", 6: "M"}

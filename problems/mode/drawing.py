@@ -15,7 +15,7 @@ from matplotlib.figure import Figure
 from ancf_casadi.estimation.prediction import TIME_AXIS
 from ancf_casadi.figures.decays import draw_against_amplitude
 from ancf_casadi.support.arrays import Array
-from ancf_casadi.support.figures import COMPUTED, MEASURED, literal_text, si_prefix
+from ancf_casadi.support.figures import COMPUTED, LEGEND, MEASURED, literal_text, si_prefix
 from problems.beam.curves.record import ResponseRecord
 from problems.mode.oscillator import motion_amplitudes, motions_at, response_curve
 from problems.mode.result import ModeFit
@@ -68,7 +68,7 @@ def _draw_curves(axes: Axes, fit: ModeFit, pairs: list[tuple[ResponseRecord, str
     axes.set(xlabel="frequency, Hz", ylabel=f"{name}, {unit}".removesuffix(", "))
     if name != "phase":
         axes.set_ylim(0.0, 1.08 * largest / scale)
-        axes.legend(frameon=False, fontsize="small")
+        axes.legend(**LEGEND)
     axes.ticklabel_format(axis="x", useOffset=False)
 
 

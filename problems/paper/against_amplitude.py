@@ -11,7 +11,7 @@ from ancf_casadi.decay.envelope import DampingCurve
 from ancf_casadi.mechanics.beam import Beam
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.support.arrays import Array
-from ancf_casadi.support.figures import Figure, plain_log_ticks
+from ancf_casadi.support.figures import REFERENCE, Figure, plain_log_ticks
 from ancf_casadi.vibration.modes import natural_modes
 from problems.paper.combined_law import fit_to_decays, ratio_curves
 from problems.paper.inputs import experiments, matched_beam, three_laws
@@ -86,7 +86,7 @@ def _figure(
         ratio.plot(1e3 * curve.amplitude[::step], 100 * curve.damping_ratio[::step], **marks)
         frequency.plot(1e3 * curve.amplitude[::step], 100 * (curve.frequency[::step] / natural - 1), **marks)
         ratio.plot(1e3 * fine, 100 * prediction, color=style["color"], ls=style["linestyle"], label=title)
-    frequency.axhline(0.0, color="black", lw=0.8, ls=":")
+    frequency.axhline(0.0, **REFERENCE)
     frequency.set_title(f"small motion: {natural:.5g} Hz")
     ratio.set(ylabel="damping ratio, %", yscale="log")
     frequency.set(xlabel=f"tip amplitude of mode {mode}, mm", ylabel="change of the\nfrequency, %", xscale="log")

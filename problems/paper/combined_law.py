@@ -40,7 +40,7 @@ from ancf_casadi.damping import QuadraticDamping
 from ancf_casadi.damping.law import SumOfLaws
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.support.arrays import Array
-from ancf_casadi.support.figures import COMPUTED, MEASURED, Figure
+from ancf_casadi.support.figures import BAND, COMPUTED, CURVE, MEASURED, POINTS, Figure
 from ancf_casadi.support.tables import Table, finite_or_none
 from ancf_casadi.vibration.modes import Modes, natural_modes
 from problems.paper import table_04
@@ -270,9 +270,9 @@ def _eta2_figure(fit: CombinedLawFit) -> Figure:
     """Draw eta2 of each mode alone with 95 % intervals, and the common value with its interval as a band."""
     (figure, (axes,)), (eta2, errors) = new_figure(3.2), fit.eta2_by_mode()
     numbers, half = np.arange(1, len(eta2) + 1), 1.96 * np.nan_to_num(fit.errors[-1])
-    axes.axhspan(fit.eta2 - half, fit.eta2 + half, color=COMPUTED, alpha=0.25, lw=0)
-    axes.axhline(fit.eta2, color=COMPUTED, lw=1.2, label="one value for all modes, 95 % band")
-    axes.errorbar(numbers, eta2, 1.96 * errors, fmt="o", ms=4, lw=1, color=MEASURED, label="each mode alone, 95 %")
+    axes.axhspan(fit.eta2 - half, fit.eta2 + half, color=COMPUTED, **BAND)
+    axes.axhline(fit.eta2, **CURVE, label="one value for all modes, 95 % band")
+    axes.errorbar(numbers, eta2, 1.96 * errors, **POINTS, color=MEASURED, label="each mode alone, 95 %")
     axes.set(xlabel="mode", ylabel="η2 of the beam, 1/m", xticks=numbers)
     axes.legend()
     return mark_synthetic(figure)

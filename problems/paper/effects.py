@@ -118,12 +118,11 @@ def simulate_decays(
 ) -> list[list[SimulatedDecay]]:
     """Simulate the decay of the standard beam under each law at each frequency; return the decays law by law."""
     steps, duration = QUICK_STEPS if compute.quick else LEAST_STEPS, decay_duration(compute, duration)
-    inputs, costs = [], []
+    inputs = []
     for law in laws:
         damping = QuadraticDamping(law.eta1, law.eta2)
         inputs += [(STANDARD_BEAM, damping, frequency, amplitude, duration, steps) for frequency in frequencies]
-        costs += [0.3 + 0.006 * frequency * duration for frequency in frequencies]  # s, of a decay and of its periods
-    results = iter(compute.all(simulate_decay, inputs, costs))
+    results = iter(compute.all(simulate_decay, inputs))
     return [[next(results) for _ in frequencies] for _ in laws]
 
 

@@ -55,7 +55,7 @@ def three_laws() -> tuple[LawChoice, LawChoice, LawChoice]:
 def match_standard_beam(compute: Compute) -> Finding:
     """Change the standard beam by at most 10 %, to have the measured frequencies: Tables 9 and 10."""
     table = MatchTable(targets=FREQUENCIES, bounds=0.10)
-    return compute(match_finding, STANDARD_BEAM, table, NO_FILE, FORMATS, cost=2.0)  # also for steps without figures
+    return compute(match_finding, STANDARD_BEAM, table, NO_FILE, FORMATS)  # also for steps without figures
 
 
 def matched_beam(compute: Compute) -> Beam:

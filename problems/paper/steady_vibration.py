@@ -35,7 +35,6 @@ from problems.study.step import Finding, LawChoice, Terms, study_table
 
 RANGE_WIDTH = 5.0  # half-width of the range of frequencies relative to that of the resonance
 RANGE_MARGIN = 1.3  # of the expected change of frequency
-CURVE_COST = 4.0  # s
 
 Resonance = tuple[dict[str, Any], Array]  # a curve, and the amplitude of the driven mode at the tip at each point, m
 
@@ -70,7 +69,7 @@ def resonances(compute: Compute, beam: Beam, runs: Sequence[RequestedRun]) -> Fi
         for law, result in zip(run.laws, results, strict=True)
     ]
     inputs = [(beam, law.terms, row["base_amplitude_m"], frequency_range(row), row["mode"]) for law, row in rows]
-    curves = compute.all(resonance, inputs, CURVE_COST)
+    curves = compute.all(resonance, inputs)
     heads = ("mode", "law", "base amplitude, mm", "reached before the stop, mm", *SUMMARY_HEADS)
     cells = [
         (row["mode"], law.title, 1e3 * row["base_amplitude_m"], 1e3 * row["reached_amplitude_m"], *peaks)

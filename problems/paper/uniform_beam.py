@@ -27,5 +27,5 @@ frequencies. The smallest possible largest error is about 3 %; with one value pe
 )
 def uniform_beam(compute: Compute) -> Finding:
     """Return the uniform beam with the smallest largest error."""
-    match: Finding = compute(match_finding, STANDARD_BEAM, UNIFORM, cost=2.0)
+    match: Finding = compute(match_finding, STANDARD_BEAM, UNIFORM)
     return match

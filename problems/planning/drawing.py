@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from ancf_casadi.figures.symbols import draw_symbols
-from ancf_casadi.support.figures import MEASURED, SERIES, literal_text, plain_log_ticks
+from ancf_casadi.support.figures import GRID, LEGEND, MEASURED, REFERENCE, SERIES, literal_text, plain_log_ticks
 from ancf_casadi.vibration.statics import static_equilibrium
 from problems.planning.comparison import PlannedComparison
 from problems.planning.result import TOGETHER, Plan, column_headings
@@ -64,11 +64,11 @@ def comparison_plan_figure(results: Mapping[str, PlannedComparison]) -> Figure:
         colour, _, marker = SERIES[k % len(SERIES)]
         face = colour if k < len(SERIES) else "none"
         axes.plot(list(right.values()), places, marker, color=colour, mfc=face, label=pair, clip_on=False)
-    axes.axvline(95.0, color=MEASURED, lw=0.8, ls=":")
+    axes.axvline(95.0, **REFERENCE)
     axes.set(xlabel="probability of the right choice, %", xlim=(0.0, 100.0), ylim=(len(names) - 0.5, -0.5))
     axes.set_yticks(range(len(names)), names)
-    axes.grid(alpha=0.3, axis="x")
-    figure.legend(frameon=False, fontsize="small", loc="outside lower center")
+    axes.grid(**GRID, axis="x")
+    figure.legend(**LEGEND, loc="outside lower center")
     return figure
 
 
@@ -87,8 +87,8 @@ def _draw_candidates(axes: Axes, plans: Mapping[str, Plan], names: Sequence[str]
     axes.set_xlim(right=min(axes.get_xlim()[1], LARGEST_DRAWN))
     plain_log_ticks(axes, "x")
     axes.set_yticks(range(len(names)), names)
-    axes.grid(alpha=0.3, which="both")
-    axes.legend(frameon=False, fontsize="small", loc="center left", bbox_to_anchor=(1.0, 0.5))
+    axes.grid(**GRID, which="both")
+    axes.legend(**LEGEND, loc="center left", bbox_to_anchor=(1.0, 0.5))
 
 
 def _draw_lines(
@@ -100,7 +100,7 @@ def _draw_lines(
         axes.plot(x, values, color=colour, ls=dash, lw=1.2, marker=marker if marked else None, ms=3)
     axes.set(yscale="log", ylabel="standard error, %" if all(plan.guess.values()) else "standard error")
     plain_log_ticks(axes, "y")
-    axes.grid(alpha=0.3, which="both")
+    axes.grid(**GRID, which="both")
 
 
 def _draw_places(axes: Axes, plan: Plan, name: str) -> None:
@@ -120,4 +120,4 @@ def _draw_places(axes: Axes, plan: Plan, name: str) -> None:
         axes.plot(*at(best), "o", ms=size, color=colour, label=label)
     axes.set(xlabel="x, mm", ylabel="y, mm")
     axes.set_aspect("equal", adjustable="datalim")
-    axes.legend(frameon=False, fontsize="small")
+    axes.legend(**LEGEND)

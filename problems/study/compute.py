@@ -40,7 +40,6 @@ from problems.study.drawing import FORMATS, Drawing, render
 
 SUFFIX = ".msgpack"
 DIGEST_BYTES = hashlib.sha256().digest_size
-DRAWING_COST = 0.2  # s
 
 Arguments = ParamSpec("Arguments")
 Result = TypeVar("Result")
@@ -87,28 +86,28 @@ class Store:
         self._running: list[Future[bytes]] = []
         self._stopped, self._lock = False, threading.Lock()
 
-    def start(self, function: Callable[..., Any], inputs: Sequence[Any], cost: float) -> str:
+    def start(self, function: Callable[..., Any], inputs: Sequence[Any]) -> str:
         """Start a computation unless it has started, and return its key."""
         key = computation_key(function, *inputs)
         if key not in self.computations:
             path = self._folder and self._folder / f"{key}{SUFFIX}"
-            self.computations[key] = self._threads.submit(self._run, function, inputs, path, cost)
+            self.computations[key] = self._threads.submit(self._run, function, inputs, path)
         return key
 
-    def _run(self, function: Callable[..., Any], inputs: Sequence[Any], path: Path | None, cost: float) -> Computation:
+    def _run(self, function: Callable[..., Any], inputs: Sequence[Any], path: Path | None) -> Computation:
         if path and (computation := kept(path, function)):
             return computation
         with self._lock:
             if self._stopped:
                 raise CancelledError
-            self._bar.total += cost
+            self._bar.total += 1
             self._running.append(future := self._executor().submit(run_function, function, inputs))
         content = future.result()
         with self._lock:
             self._running.remove(future)
         if path:
             write_file(path, with_digest(content))
-        self._bar.update(cost)
+        self._bar.update()
         return unpack(content, function)
 
     def wait_for(self, keys: Iterable[str]) -> None:
@@ -149,19 +148,14 @@ class Compute:
         self.times: dict[str, float] = {}  # of the computations when they ran, s, by key
         self._store, self._formats = store or Store(), formats
 
-    def __call__(self, function: Callable[..., Result], *inputs: Any, cost: float = 1.0) -> Result:
-        """Return the result of a function; the cost is its expected computing time, s."""
-        (result,) = self.all(function, [inputs], cost)
+    def __call__(self, function: Callable[..., Result], *inputs: Any) -> Result:
+        """Return the result of a function."""
+        (result,) = self.all(function, [inputs])
         return result
 
-    def all(
-        self, function: Callable[..., Result], inputs: Sequence[Sequence[Any]], costs: float | Sequence[float] = 1.0
-    ) -> list[Result]:
-        """Return the results of a function for several tuples of arguments; the most expensive one starts first."""
-        keys, expected = [""] * len(inputs), np.broadcast_to(costs, len(inputs))
-        for number in np.argsort(-expected, kind="stable").tolist():
-            cost = float(expected[number])
-            keys[number] = self._store.start(function, inputs[number], cost)
+    def all(self, function: Callable[..., Result], inputs: Iterable[Sequence[Any]]) -> list[Result]:
+        """Return the results of a function for several tuples of arguments."""
+        keys = [self._store.start(function, arguments) for arguments in inputs]
         self._store.wait_for(keys)
         computations = [self._store.computations[key].result() for key in keys]
         self.times |= {key: computation.seconds for key, computation in zip(keys, computations, strict=True)}
@@ -172,7 +166,7 @@ class Compute:
         if not self._formats:
             return tuple(Drawing(caption, "", b"") for caption, *_ in figures)
         inputs = [(caption, function, arguments, self._formats) for caption, function, *arguments in figures]
-        return tuple(self.all(_drawing, inputs, DRAWING_COST))
+        return tuple(self.all(_drawing, inputs))
 
 
 def _drawing(

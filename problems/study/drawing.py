@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from ancf_casadi.support.arrays import Array, extremes
-from ancf_casadi.support.figures import DOTS_PER_INCH, PAGE_WIDTH, SERIES, Axes, Figure, literal_text
+from ancf_casadi.support.figures import BAND, DOTS_PER_INCH, PAGE_WIDTH, SERIES, Axes, Figure, literal_text
 
 STYLE: dict[Any, Any] = {
     "font.size": 9.6,
@@ -110,7 +110,7 @@ def draw_band(axes: Axes, shown: Array, scale: float, *, filled: bool = False, *
     if np.array_equal(low, high):
         axes.plot(time, scale * low, **style)
     elif filled:
-        axes.fill_between(time, scale * low, scale * high, color=style["color"], alpha=0.35, lw=0,
+        axes.fill_between(time, scale * low, scale * high, color=style["color"], **BAND,
                           label=style.get("label"))  # fmt: skip
     else:
         axes.plot(time, scale * high, **style)

@@ -219,7 +219,7 @@ class Match(Step):
 
     def finding(self, compute: Compute, findings: Findings) -> Finding:
         """Return the matched beam."""
-        match = compute(match_finding, self.beam_in(findings), self.table, self.file, compute.formats, cost=2.0)
+        match = compute(match_finding, self.beam_in(findings), self.table, self.file, compute.formats)
         printed = self.printed.get
         return match.beside_print({"mean": printed("value")},
                                   {"before": printed("standard"), "matched": printed("optimum")})  # fmt: skip

@@ -162,7 +162,7 @@ def fit_all(
     compute: Compute, decays: Sequence[Decay], law: str, rest: Rest | None, formats: tuple[str, ...] = ()
 ) -> list[Finding]:
     """Fit decays by a law."""
-    return compute.all(fit_plain, [(decay, law, rest, formats) for decay in decays], 0.2)
+    return compute.all(fit_plain, [(decay, law, rest, formats) for decay in decays])
 
 
 def decays_finding(

@@ -47,7 +47,6 @@ class TablesStep(Step):
 
     converter: ClassVar[type[StepTables]]
     function: ClassVar[Callable[..., Finding]]  # of the file, the formats of figures, and ``inputs``
-    cost: ClassVar[float]  # s
 
     @property
     def inputs(self) -> tuple[Any, ...]:
@@ -62,7 +61,7 @@ class TablesStep(Step):
     def finding(self, compute: Compute, findings: Findings) -> Finding:
         """Open the files of measurements, and return the finding."""
         self.converter.of(self.file).read()
-        return compute(type(self).function, self.file, compute.formats, *self.inputs, cost=self.cost)
+        return compute(type(self).function, self.file, compute.formats, *self.inputs)
 
 
 def simulation_finding(
@@ -97,7 +96,7 @@ class SimulationStep(TablesStep):
     """One simulated motion: the tables [[damping]], [base], [load], [release], [simulation], [markers]."""
 
     kind, heading = "simulation", "Simulated motion"
-    converter, function, cost = SimulationTables, simulation_finding, 10.0
+    converter, function = SimulationTables, simulation_finding
     reading = frozenset({"beam", "damping", "base", "load", "release", "simulation", "markers"})
 
     animate: Annotated[bool, Meta(description="with a moving picture")] = False
@@ -183,7 +182,7 @@ class MotionFit(TablesStep):
 
     kind, heading = "motion", "Fit to measured motion"
     reading = MOTION_TABLES
-    converter, function, cost = Measurements, fit_finding, 60.0
+    converter, function = Measurements, fit_finding
 
 
 def comparison_finding(file: StudyFile, formats: tuple[str, ...]) -> Finding:
@@ -201,7 +200,7 @@ class Comparison(TablesStep):
 
     kind, heading = "comparison", "Damping laws compared on measured motion"
     reading = MOTION_TABLES
-    converter, function, cost = Measurements, comparison_finding, 120.0
+    converter, function = Measurements, comparison_finding
 
     def prepare(self, study: Study, where: str) -> Self:
         """Return the step with the tables of its records and laws, of which there must be several."""
@@ -240,4 +239,4 @@ class PlanStep(TablesStep):
 
     kind, heading = "plan", "Planned experiments"
     reading = PLAN_TABLES
-    converter, function, cost = PlanTables, plan_finding, 20.0
+    converter, function = PlanTables, plan_finding

@@ -104,7 +104,7 @@ class ResponseStep(TablesStep):
         """Return the curves with their peaks and jumps."""
         tables = ResponseTables.of(self.file)
         levels, unit = tables.levels, tables.unit
-        curves = compute.all(level_curve, [(self.file, level) for level in levels], 5.0)
+        curves = compute.all(level_curve, [(self.file, level) for level in levels])
         titles = [f"{1e3 * level:.4g} m{unit}" for level in levels]  # in mm or mN
         rows = [(title, *row) for title, row in zip(titles, summary_rows(curves), strict=True)]
         bifurcations = [

@@ -16,7 +16,7 @@ from msgspec import Meta
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.beam import Beam
 from ancf_casadi.support.arrays import Array, maxima
-from ancf_casadi.support.figures import Figure, plain_log_ticks
+from ancf_casadi.support.figures import REFERENCE, Figure, plain_log_ticks
 from ancf_casadi.support.tables import Table, finite_or_none
 from problems.study.compute import Compute
 from problems.study.drawing import draw_band, line, new_figure, series
@@ -30,14 +30,11 @@ Row = tuple[int, LawChoice, dict[str, Any]]  # number of a run, law, and the num
 
 def run_experiments(compute: Compute, beam: Beam, runs: Sequence[RequestedRun]) -> list[list[ExperimentResult]]:
     """Simulate each run under each of its laws; return the results run by run."""
-    inputs, costs = [], []
+    inputs = []
     for run in runs:
         requested = replace(run.shorten() if compute.quick else run, laws=(), measured_ratio=math.nan)
-        # computing time by the number of periods
-        cost = 0.01 * max(requested.frequency, 2.0) * (requested.stop + max(requested.window, 1.0))
         inputs += [(beam, law.terms, requested) for law in run.laws]
-        costs += [cost] * len(run.laws)
-    results = iter(compute.all(run_experiment, inputs, costs))
+    results = iter(compute.all(run_experiment, inputs))
     return [[next(results) for _ in run.laws] for run in runs]
 
 
@@ -198,8 +195,8 @@ def _run_figure(run: RequestedRun, results: Sequence[ExperimentResult]) -> Figur
         rate = 2 * math.pi * results[0].numbers["drive_hz"] * run.measured_ratio
         label = f"measured ζ = {100 * run.measured_ratio:.3g} %, synthetic"
         decay.plot(time, 1e3 * peaks[0] * np.exp(-rate * (time - time[0])), "k:", lw=1.5, label=label)
-    whole_run.axvline(results[0].numbers["stop_s"], color="black", lw=0.6, ls=":")
-    around.axvline(0.0, color="black", lw=0.6, ls=":")
+    whole_run.axvline(results[0].numbers["stop_s"], **REFERENCE)
+    around.axvline(0.0, **REFERENCE)
     whole_run.set(xlabel="time, s", ylabel="tip relative\nto clamp, mm")
     around.set(xlabel="time after the stop, s", ylabel="tip relative\nto clamp, mm")
     decay.set(xlabel="time after the stop, s", ylabel=f"amplitude\nof mode {run.mode}, mm", yscale="log")

@@ -13,7 +13,17 @@ from ancf_casadi.mechanics.beam import Beam
 from ancf_casadi.mechanics.lumped import COMBINED, PROPERTIES
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.support.arrays import Array
-from ancf_casadi.support.figures import BAND, COMPUTED, GRID, MEASURED, PAGE_WIDTH, REFERENCE, SERIES, literal_text
+from ancf_casadi.support.figures import (
+    BAND,
+    COMPUTED,
+    GRID,
+    LEGEND_ABOVE,
+    MEASURED,
+    PAGE_WIDTH,
+    REFERENCE,
+    SERIES,
+    literal_text,
+)
 
 
 def points_along(model: Model, coordinates: Array) -> Array:
@@ -51,7 +61,7 @@ def match_figure(targets: Array, standard: Array, matched: Array, initial_beam: 
     axes.margins(y=0.2)
     axes.set(ylabel="deviation, %", xlabel="measured frequency", xticks=places,
              xticklabels=[f"{target:.5g} Hz" for target in targets])  # fmt: skip
-    axes.legend(frameon=False, loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=2)
+    axes.legend(**LEGEND_ABOVE)
     _draw_properties(property_panel, initial_beam, matched_beam, ranges)
     return figure
 
@@ -72,6 +82,6 @@ def _draw_properties(figure: SubFigure, initial_beam: Beam, matched_beam: Beam, 
         axes.stairs(change, edges, baseline=None, color=COMPUTED, lw=1.5, label="matched")
         axes.axhline(0.0, **REFERENCE)
         axes.set(ylabel="{}, %".format(name.replace("_", "\n")), xlim=(0.0, edges[-1]))
-    plots[0].legend(frameon=False, loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=2)
+    plots[0].legend(**LEGEND_ABOVE)
     plots[-1].set(xlabel="arc length, mm")
     figure.align_ylabels()

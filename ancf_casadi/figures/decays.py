@@ -46,12 +46,12 @@ def decay_figure(
     ``time`` (s) starts at the release, ``curve`` returns the fit at any times, and ``values`` is a title with the
     estimates.  ``points`` are damping ratio and frequency in windows of the record, ``law`` those of the fitted law.
     """
-    figure = Figure(figsize=(PAGE_WIDTH, 5.4), layout="constrained")
+    figure = Figure(figsize=(PAGE_WIDTH, 6.0), layout="constrained")
     over_time, below, lowest = figure.subfigures(3, 1, squeeze=False, height_ratios=(1.2, 1, 1)).ravel()
     _draw_fit(over_time, below, time, measured, curve, values, unit)
     axes = lowest.subplots(1, 2)
     draw_against_amplitude(axes, points, law)
-    axes[0].legend(**LEGEND)
+    lowest.legend(*axes[0].get_legend_handles_labels(), **LEGEND, loc="outside upper center", ncols=2)
     return figure
 
 
@@ -120,10 +120,10 @@ def _draw_fit(
     plots[-1].plot(fine_times, curve(fine_times) / size, **CURVE, label="fit")
     for axes in plots:
         axes.set(xlabel="time, s")
-    plots[0].legend(**LEGEND, loc="upper right")
+    figure.legend(*plots[0].get_legend_handles_labels(), **LEGEND, loc="outside lower center", ncols=2)
     plots[0].set(ylabel=f"record, {name}" if name else "record")
     if title:
-        figure.suptitle(title, fontsize="medium")
+        figure.suptitle(title, fontsize="small")
     residual_axes, correlation_axes = below.subplots(1, 2)
     _draw_residuals(residual_axes, time, measured - fitted, unit)
     draw_autocorrelation(correlation_axes, measured - fitted)

@@ -21,6 +21,7 @@ from ancf_casadi.support.figures import (
     COMPUTED,
     CURVE,
     LEGEND,
+    LEGEND_ABOVE,
     MEASURED,
     POINTS,
     REFERENCE,
@@ -61,7 +62,7 @@ def criteria_figure(names: Sequence[str], criteria: Mapping[str, Sequence[float]
     axes.minorticks_off()
     axes.set(yticks=places, yticklabels=names, xlabel="difference from the best law; not clear where shaded")
     axes.invert_yaxis()
-    axes.legend(frameon=False, loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=2)
+    axes.legend(**LEGEND_ABOVE)
     return figure
 
 

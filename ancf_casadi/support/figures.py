@@ -42,6 +42,7 @@ POINTS: dict[str, Any] = {"fmt": "o", "ms": 4.0, "lw": 1.0}  # with bars of thei
 BAND: dict[str, Any] = {"alpha": 0.2, "lw": 0.0}
 GRID: dict[str, Any] = {"alpha": 0.3}
 LEGEND: dict[str, Any] = {"frameon": False, "fontsize": "small"}
+LEGEND_ABOVE: dict[str, Any] = {**LEGEND, "loc": "lower left", "bbox_to_anchor": (0.0, 1.0), "ncols": 2}
 
 DOTS_PER_INCH = 130
 PAGE_WIDTH = 5.2  # inches, of a figure whose letters stay readable on a narrow page

@@ -17,8 +17,8 @@ from ancf_casadi.support.inputs import check_instance, shown
 from ancf_casadi.support.tables import Displayed, plural
 
 COUNTER_NAME = re.compile(
-    r"(?:frames?|samples?|scans?|index|row|record|point|count(?:er)?|bildnummer)?[ _.#-]*"
-    r"(?:frames?|samples?|scans?|sequence|index|number|num|no|nr|n|#|id|count(?:er)?|idx)\.?",
+    r"(?:sub|frames?|samples?|scans?|index|row|record|point|count(?:er)?|bildnummer)?[ _.#-]*"
+    r"(?:frames?|samples?|scans?|points?|sequence|index|number|num|no|nr|n|#|id|count(?:er)?|idx)\.?",
     re.IGNORECASE,
 )
 PATH = re.compile(r"[\w\[\]]+(?:\.[\w\[\]]+)+")

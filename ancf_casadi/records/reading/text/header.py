@@ -37,16 +37,17 @@ BRACKETED = re.compile(r"[(\[{<][^()\[\]{}<>]*[)\]}>]")
 NONE = frozenset({"", "-", "--", "[]", "()", "[-]", "(-)", "1", "none", "Value", "Values", "value", "values"})
 ABOUT_UNITS = re.compile(r"\b(?:units?|einheit(?:en)?|unités?|unidad(?:es)?)\b", re.IGNORECASE)
 STATED_UNIT = re.compile(rf".*(?:{ABOUT_UNITS.pattern})\s*[,;:=\t]?\s*\"?([^\s,;:=\"]+)\"?[\s,;]*", re.IGNORECASE)
+AXIS_STATED = re.compile(r"([xy])[ -]?axis(?:[ -]units?)?\s*[:=](?:.*\s)?\s*\"?\[?([^\s\"\]]+)\]?\"?", re.IGNORECASE)
 AXIS = re.compile(r"(?:pos(?:ition)?[ _.]*)?[xyz]\d*", re.IGNORECASE)
 VALUE = (
     r"\s*(?:\((?:hz|s|sec)\)|\[(?:hz|s|sec)\])?\s*[,;:=\t ]\s*\"?(\d+(?:\.\d*)?(?:e[+-]?\d+)?)\"?[ ,;\t]*([a-zµμ/]*)"
 )
 RATE = re.compile(
     r"\"?(?:(?:sampl\w*|camera|capture|data|export|scan)[ _-]?(?:rate|freq(?:uency)?)|frequency|frame[ _-]?rate|"
-    rf"abtast(?:rate|frequenz)|messrate|fs|fps)\"?{VALUE}", re.IGNORECASE,
+    rf"abtast(?:rate|frequenz)|messrate|fs|fps|trajectories)\"?{VALUE}", re.IGNORECASE,  # the last in files of Vicon
 )  # fmt: skip
 STEP = re.compile(
-    r"\"?(?:(?:sampl\w*|horizontal|time)[ _-]?(?:interval|period|step|increment)|(?:x[ _-]?)?increment|"
+    r"\"?(?:(?:sampl\w*|horizontal|time)[ _-]?(?:interval|period|step|increment|cycle)|(?:x[ _-]?)?increment|"
     rf"x[ _-]?incr?|delta[ _]?[xt]|dt|t[ _]?inc|abtastintervall)\"?{VALUE}", re.IGNORECASE,
 )  # fmt: skip
 MIN_LIKELIHOOD = 0.6  # likelihood of a point that counts
@@ -81,7 +82,9 @@ def read_heading(above: Sequence[tuple[int, str]], table: TableHead, path: str, 
     metadata = [strip_comment(line) for _, line in filled]
     matches = [match for text in _statements(metadata) if (match := STATED_UNIT.fullmatch(text.strip()))]
     stated = {unit.quantity: unit for match in matches if (unit := parse_unit(match[1]))}
-    heading = _heading(rows, table)
+    heading = _with_marker_names(_heading(rows, table), metadata)
+    if (completed := _with_axis_units(heading, metadata)) != heading:
+        return completed
     if stated and (completed := _with_stated_units(heading, stated)) != heading:
         return completed
     about = next((line for line in metadata if ABOUT_UNITS.search(line)), None)
@@ -143,12 +146,13 @@ def _has_number(table: TableHead, cells: Sequence[str]) -> bool:
 
 
 def _statements(lines: Sequence[str]) -> list[str]:
-    """Return lines of metadata, their pieces, and pairs of pieces in successive lines as ``upper: lower``."""
+    """Return lines of metadata, their pieces, and pairs of pieces beside or below each other as ``name: value``."""
     plain = [strip_comment(line).rstrip(",; \t") for line in lines]
     pieces = [re.split(r"\s{2,}|[\t,;]\s*", text) for text in plain]
-    pairs = [(upper, lower) for upper, lower in pairwise(pieces) if len(upper) == len(lower) > 1]
-    below = [f"{name}: {value}" for upper, lower in pairs for name, value in zip(upper, lower, strict=True)]
-    return [*plain, *(piece for cells in pieces for piece in cells), *below]
+    below = [(upper, lower) for upper, lower in pairwise(pieces) if len(upper) == len(lower)]
+    pairs = [*(pair for cells in pieces for pair in pairwise(cells)),
+             *(pair for upper, lower in below for pair in zip(upper, lower, strict=True))]  # fmt: skip
+    return [*plain, *(piece for cells in pieces for piece in cells), *(f"{name}: {value}" for name, value in pairs)]
 
 
 def sampling_step(lines: Sequence[str]) -> float | None:
@@ -167,15 +171,38 @@ def _with_stated_units(heading: Sequence[Head], stated: Mapping[str, Unit]) -> l
     """Give columns without a unit the unit that the metadata state for their quantity."""
     values = [unit for quantity, unit in stated.items() if quantity != "time"]
     times = [unit.quantity == "time" if unit else names_time(name) for name, _, unit in heading]
-    value = values[0] if len(values) == 1 and (any(times) or len(heading) == 1) else None
+    counts = [bool(COUNTER_NAME.fullmatch(name)) for name, _, _ in heading]
+    value = values[0] if len(values) == 1 and (any(times) or counts.count(False) == 1) else None
     units = [
-        None if COUNTER_NAME.fullmatch(name) else stated.get("time") if is_time else value
-        for (name, _, _), is_time in zip(heading, times, strict=True)
+        None if is_counter else stated.get("time") if is_time else value
+        for is_counter, is_time in zip(counts, times, strict=True)
     ]
     return [
         (name, stated_unit.symbol, stated_unit) if stated_unit and not symbol else (name, symbol, unit)
         for (name, symbol, unit), stated_unit in zip(heading, units, strict=True)
     ]
+
+
+def _with_marker_names(heading: list[Head], metadata: Sequence[str]) -> list[Head]:
+    """Name the columns of an export of QTM (Qualisys), in mm, by the markers in its lines above."""
+    cells = next((cells for line in metadata if (cells := line.split("\t"))[0] == "MARKER_NAMES"), [])
+    names = [f"{marker} {axis}" for marker in cells[1:] for axis in "XYZ"]
+    first = len(heading) - len(names)  # frame and time may precede them
+    if not names or first not in (0, 2):
+        return heading
+    return [*heading[:first], *((name, "mm", parse_unit("mm")) for name in names)]
+
+
+def _with_axis_units(heading: list[Head], metadata: Sequence[str]) -> list[Head]:
+    """Give the columns X and Y, or two columns without names, the units in lines such as ``Y-axis: Acceleration g``."""
+    matches = [match for text in metadata if (match := AXIS_STATED.fullmatch(text.strip()))]
+    stated = {match[1].casefold(): unit for match in matches if (unit := parse_unit(match[2]))}
+    names = [name.casefold() for name, _, _ in heading]
+    axes = ["x", "y"] if names == ["column 1", "column 2"] else names
+    if len(stated) < 2 or any(symbol for _, symbol, _ in heading):
+        return heading
+    units = [stated.get(axis) for axis in axes]
+    return [(head[0], unit.symbol, unit) if unit else head for head, unit in zip(heading, units, strict=True)]
 
 
 def _with_units(words: Sequence[str]) -> list[str]:

@@ -96,6 +96,30 @@ READ = {
     "frame numbers and a sampling rate": (
         lines(lambda k, t, y: f"{k + 17},{y:.6f}", "frame,x_mm\n"), {"sample_rate": 100.0},
     ),
+    "Testlab (Siemens)": (table("Test: 1\nX-axis: Time s\nY-axis: Displacement mm\n\n", "\t"), {}),
+    "Pulse (Bruel and Kjaer)": (
+        lines(lambda k, t, y: f"{k}\t{t:.4f}\t{y:.6f}",
+              "X-axis label:\tTime\nX-axis unit:\ts\nY-axis unit:\tmm\nPoint\tX\tY\n"), {},
+    ),
+    "LJ-Navigator (Keyence)": (
+        lines(lambda k, t, y: f"{k + 1},{y:+.6f}", "Model,LJ-V7000\nSampling cycle,10ms\nUnit,mm\nNo.,OUT1\n"), {},
+    ),
+    "Motive (OptiTrack)": (
+        lines(lambda k, t, y: f"{k},{t:.6f},{1e-3 * y:.9f},0.001,0.5",
+              "Format Version,1.23,Capture Frame Rate,100.000000,Length Units,Meters,Coordinate Space,Global\n\n"
+              ",,Marker,Marker,Marker\n,,tip,tip,tip\n,,Position,Position,Position\nFrame,Time (Seconds),X,Y,Z\n"),
+        {"column": "X"},
+    ),
+    "Nexus (Vicon)": (
+        lines(lambda k, t, y: f"{k + 1},0,500,0.1,0.2,{y:.6f},1.2,20",
+              "Trajectories\n100\n,,beam:base,,,beam:tip,,\nFrame,Sub Frame,X,Y,Z,X,Y,Z\n,,mm,mm,mm,mm,mm,mm\n"),
+        {"column": "beam:tip X"},
+    ),
+    "QTM (Qualisys)": (
+        lines(lambda k, t, y: f"500\t0\t0\t{y:.6f}\t1.2\t20",
+              "NO_OF_FRAMES\t200\nNO_OF_MARKERS\t2\nFREQUENCY\t100\nDATA_INCLUDED\t3D\nMARKER_NAMES\tbase\ttip\n"),
+        {"column": "tip X"},
+    ),
     "units given by hand": (table("a,b\n", time=1e3 * TIME), {"unit": "mm", "time_unit": "ms", "time": "a"}),
     "columns by number": (lines(lambda k, t, y: f"{y:.6f},{-y:.6f},{t:.4f}"), {"column": 1, "time": 3, "unit": "mm"}),
     "a scale": (table("time_s,voltage_V\n", values=0.5 * MM), {"unit": "2 mm"}),

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from problems.beam.curves.record import ResponseRecord as ResponseRecord
     from problems.beam.fitting import compare_laws as compare_laws
     from problems.beam.fitting import fit_beam as fit_beam
+    from problems.beam.fitting import fit_transient as fit_transient
     from problems.beam.motions.marker_record import MarkerRecord as MarkerRecord
     from problems.beam.motions.record import Camera as Camera
     from problems.beam.motions.record import Channel as Channel

@@ -82,7 +82,8 @@ NOT_CALLED = frozenset(
     " DampingCurve LawCurve BeamFunctions MotionFunctions ReducedFunctions ExportedBeam DecayFit DecayFits DecayModes"
     " CriticalLoad CriticalPoint DampedModes EquilibriumPath FrequencyMatch FrfFit ModeFit AmplitudeFit"
     " IsolatedMode LawComparison LogDensity MonteCarlo Plan PlannedComparison RayleighFit RecordPrediction SavedFit"
-    " StudyReport BeamFit".split()  # results, which the package makes
+    " StudyReport BeamFit"  # results, which the package makes
+    " fit_transient".split()  # fit_beam
 )
 
 

@@ -228,6 +228,9 @@ def fit_beam(
     return BeamFit(solution.fit, solution, given=start_model, guess=law, first=first, again=again)
 
 
+fit_transient = fit_beam  # the first name, from a time when there were fits of motions alone
+
+
 @dataclass(frozen=True)
 class Guesses:
     """The unknowns of a fit of a beam before it, and what their guesses give for its records."""

@@ -112,13 +112,14 @@ class Recording(Displayed):
         else:
             values = [c for c in self.channels if not is_time(c) and not is_counter(c)]
             usable = self.measured or values or list(self.channels)
-            if len(usable) != 1:
-                fault = (
-                    f"has {len(usable)} columns of values, {list_labels(usable)}"
-                    if usable
-                    else "has no column of values"
+            if not usable:
+                raise InputError("has no column of values", self.path)
+            if len(usable) > 1:
+                widest = f" ({widest_channel(self.measured).label} has the widest range)" if self.measured else ""
+                raise InputError(
+                    f"has {len(usable)} columns of values, {list_labels(usable)}; choose with --column{widest}",
+                    self.path,
                 )
-                raise InputError(f"{fault}; choose with --column" if usable else fault, self.path)
             (channel,) = usable
         if channel.fault:
             raise InputError(channel.fault, f"{self.path}: column {channel.label}")
@@ -147,7 +148,7 @@ def find_channel(channels: Sequence[RecordedChannel], wanted: object, option: st
     raise InputError(f"{option} {shown(wanted)}: {fault}; there are {list_labels(channels)}", path)
 
 
-def widest(channels: Iterable[RecordedChannel]) -> RecordedChannel:
+def widest_channel(channels: Iterable[RecordedChannel]) -> RecordedChannel:
     """Return the channel whose values have the widest range."""
     return max(channels, key=lambda channel: float(np.nanmax(channel.values) - np.nanmin(channel.values)))
 

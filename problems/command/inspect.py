@@ -15,7 +15,7 @@ import numpy as np
 
 from ancf_casadi.decay.spectrum import peak_frequencies, step_frequency
 from ancf_casadi.exceptions import InputError
-from ancf_casadi.records.channel import RecordedChannel, Recording, is_time, widest
+from ancf_casadi.records.channel import RecordedChannel, Recording, is_time, widest_channel
 from ancf_casadi.records.layout import TableLayout
 from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.records.processing import quality_warnings, sampling
@@ -223,8 +223,7 @@ def _advice(options: argparse.Namespace, recording: Recording, plan: Mapping[str
         lines = [f"A fit needs more: {plan['problem'].removeprefix(f'{recording.path}: ')}"]
         candidates = [channel for channel in recording.measured if channel.time is not None]
         if options.column is None and len(candidates) > 1:
-            column = widest(candidates)
-            lines.append(f"Column {column.label} has the widest range; see {_command('inspect', options, column.name)}")
+            lines.append(f"See {_command('inspect', options, widest_channel(candidates).name)}")
         return lines
     periods = f", about {plan['periods']:.0f} periods" if math.isfinite(plan["periods"]) else ""
     command = _command("fit-decay", options, options.column)

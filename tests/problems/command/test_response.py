@@ -78,20 +78,10 @@ def test_friction_is_followed_at_the_default_tolerance(study, capsys):
     assert large["peak_amplitude_m"] > 4.1 * small["peak_amplitude_m"]
 
 
-@pytest.mark.slow
-def test_the_figure_is_a_picture(study, capsys):
-    study.write_text(STUDY.replace("[5e-5, 2e-4]", "1e-5"))
-    assert main(["run", "study.toml", "response", "--out", "new"]) == 0
-    assert (study.parent / "new/figures/figure_01.png").read_bytes().startswith(b"\x89PNG\r\n\x1a\n")
-
-
 @pytest.mark.parametrize(
     ("old", "new", "message", "code"),
     [
         ("frequencies = [10.2, 10.8]", "frequencies = [10.2]", "[response]: frequencies: must", 2),
-        ("base_amplitudes = [5e-5, 2e-4]", "", "[response]: base_amplitudes: give either", 2),
-        ("modes = 2", "modes = 200", "[response]: modes: must be", 2),
-        ("middle = 0.25", "middle = 2.5", "[markers]: middle: point: the point must be on the beam", 2),
         ("elastic_modulus = 210e9", "elastic_modulus = 210e9\naxis = [0.0, 1.0]\ngravity = [0.0, -1e3]", "snaps", 1),
     ],
 )

@@ -118,11 +118,6 @@ def test_every_benchmark_has_a_smallest_size():
     assert {size.benchmark for size in SMALLEST} == BENCHMARKS
 
 
-def test_the_list_of_commands_names_every_script_and_no_other():
-    commands = (ROOT / "benchmarks" / "README.md").read_text(encoding="utf-8").split("```")[1]
-    assert set(re.findall(r"-m benchmarks\.(\w+)", commands)) == SCRIPTS
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("size", SMALLEST, ids=lambda size: f"{size.benchmark} {size.arguments}")
 def test_benchmark(size):

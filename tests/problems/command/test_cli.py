@@ -775,8 +775,7 @@ def test_a_study_that_is_interrupted_leaves_no_processes(files, ending, send):
             raise
     assert process.returncode == 128 + ending
     assert output == b""
-    assert errors.decode().splitlines()[-1] == f"ancf-casadi: stopped; {KEPT}"
-    assert b"Traceback" not in errors
+    assert errors.decode() == f"ancf-casadi: stopped; {KEPT}\n"
     assert [path.name for path in (files / "study").iterdir()] == ["steps"]  # finished steps are kept
     left, deadline = True, time.monotonic() + 10.0
     while left and time.monotonic() < deadline:

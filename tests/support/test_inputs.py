@@ -131,7 +131,7 @@ def test_a_wrong_class_is_refused_in_one_line_with_what_was_expected(call, messa
     assert "\n" not in str(caught.value)
 
 
-@pytest.mark.parametrize("size", [1e-302, 1e-200, 1e200, 1e302])
+@pytest.mark.parametrize("size", [1e-302, 1e302])
 @pytest.mark.parametrize(
     "call",
     [

@@ -22,7 +22,6 @@ from PIL import Image
 
 from ancf_casadi import (
     FitError,
-    SimulationError,
 )
 from ancf_casadi.export import fmu, load_functions, read_document
 from ancf_casadi.support.interrupts import ENDING
@@ -30,10 +29,8 @@ from ancf_casadi.version import __version__
 from ancf_casadi.vibration.modes import natural_modes
 from problems.cli import REPLACED, main
 from problems.command import fit_decay as fit_decay_command
-from problems.paper.reproduce import PAPER
 from problems.spec import motion as motion_tables
 from problems.spec.motion import SimulationTables
-from problems.study import compute as computing
 from problems.study import study as study_module
 from problems.study.kinds import beam as beam_kinds
 
@@ -156,24 +153,6 @@ class TestSimulate:
         assert "<html" in (files / "new" / "motion.html").read_text()
         with Image.open(files / "new" / "figures" / "figure_01.gif") as moving:
             assert moving.n_frames == 21  # 0.4 s in steps of 0.02 s
-
-
-def test_reproduce_is_the_study_of_the_paper(files, capsys, monkeypatch):
-    """The command runs the study, which has its own tests."""
-    calls = {}
-
-    def run(*arguments, **options):
-        calls.update(options, arguments=arguments)
-        raise FitError("no minimum was found")
-
-    monkeypatch.setattr(study_module, "run_study", run)
-    assert main(["reproduce", "--quick", "--jobs", "3", "--out", "study"]) == 1
-    assert calls.pop("arguments") == (PAPER, Path("study"))
-    command = "ancf-casadi reproduce --quick"
-    options = {"steps": (), "quick": True, "jobs": 3, "progress": False, "command": command}
-    assert calls == options
-    assert one_line(capsys) == "ancf-casadi: no minimum was found"
-    assert not (files / "study").exists()
 
 
 def test_version_and_entry_point(capsys):
@@ -317,30 +296,6 @@ class TestExport:
         assert main(["export", "beam.toml", "--format", form, "--out", "beam.out", "--json"]) == 0
         (note,) = json.loads(capsys.readouterr().out)["warnings"]
         assert note.startswith("beam.toml has no damping")
-
-    @pytest.mark.slow
-    def test_a_document_is_a_beam_for_the_other_commands(self, files, capsys):
-        """The same numbers to the last digit as from the TOML file, whose damping travels with it."""
-        assert main(["export", "study.toml", "--format", "json", "--out", "beam.json"]) == 0
-        (files / "part").mkdir()
-        beam = BEAM.partition("[match]")[0]
-        tables = STUDY[STUDY.index("[base]") :]
-        short = edited(tables, *list(SMALL.items())[1:])
-        (files / "part/study.toml").write_text(f'[beam]\ndocument = "../beam.json"\n{short}')
-        (files / "beam.toml").write_text(edited(beam, ("elements = 20", "elements = 4")))
-        (files / "match.toml").write_text('[beam]\ndocument = "beam.json"\n[match]\ntargets = [1.85, 10.19]\n')
-        capsys.readouterr()
-        for commands in (
-            (["run", "beam.toml", "modes"], ["run", "beam.json", "modes"], ["run", "match.toml", "modes"]),
-            (["run", "study.toml", "simulation"], ["run", "part/study.toml", "simulation"]),
-        ):
-            texts = []
-            for command in commands:
-                assert main(command) == 0
-                texts.append(capsys.readouterr().out.split(" steps in ")[0])
-            assert len(set(texts)) == 1
-        assert main(["run", "match.toml", "match", "--json"]) == 0
-        assert json.loads(capsys.readouterr().out)["match"]["matched_hz"] == pytest.approx([1.85, 10.19], rel=1e-6)
 
     @pytest.mark.slow
     def test_an_identification_goes_along_with_the_hash_of_its_data(self, files, capsys):
@@ -494,15 +449,6 @@ class TestUnusableInput:
 class TestFailure:
     """Exit code 1, and one line that says what to try."""
 
-    def test_a_beam_too_slender_to_stand_vibrates_about_its_bent_shape(self, files, capsys):
-        slender = edited(
-            BEAM, ("axis = [0.0, -1.0]", "axis = [0.0, 1.0]"), ("thickness = 0.5e-3", "thickness = 0.2e-3")
-        )
-        (files / "beam.toml").write_text(slender)
-        assert main(["run", "beam.toml", "modes", "--json"]) == 0
-        x, y = json.loads(capsys.readouterr().out)["modes"]["equilibrium_tip_m"]
-        assert x > 0.2 and y < 0.1  # of 0.5 m
-
     def test_a_match_that_is_half_off(self, files, capsys):
         """98 % off once ended with exit code 0."""
         far = "targets = [100.0, 900.0]  # "
@@ -517,15 +463,6 @@ class TestFailure:
         monkeypatch.setattr(beam_kinds, "match_frequencies", fails)
         assert main(["run", "beam.toml", "match", "--json"]) == 1
         assert one_line(capsys) == "ancf-casadi: match: no minimum was found; start elsewhere"
-
-    def test_a_simulation_that_fails_writes_nothing(self, files, capsys, monkeypatch):
-        def fails(*_, **__):
-            raise SimulationError("the integrator could not go on: try a larger tolerance", 0.1)
-
-        monkeypatch.setattr(motion_tables, "simulate", fails)
-        assert main(["run", "study.toml", "simulation", "--out", "new"]) == 1
-        assert one_line(capsys).endswith("try a larger tolerance")
-        assert not (files / "new").exists()
 
     def test_an_integrator_that_fails(self, files, capsys):
         """No step can meet a tolerance below rounding; the bar before the line is progress, not the message."""
@@ -585,13 +522,6 @@ class TestFullDisk:
         assert not list((files / "new").rglob("*.*"))
 
     @pytest.mark.slow
-    def test_export_leaves_nothing(self, files, capsys, full_disk):
-        before = sorted(files.iterdir())
-        assert main(["export", "beam.toml", "--format", "c", "--out", "c"]) == 2
-        assert one_line(capsys) == "ancf-casadi: c/beam.c: cannot be written (No space left on device)"
-        assert [path for path in files.rglob("*") if path.is_file() and path not in before] == []
-
-    @pytest.mark.slow
     def test_a_limit_of_the_system(self, files):
         """A real failure: the system lets no file grow beyond a few bytes."""
         resource = pytest.importorskip("resource")
@@ -649,15 +579,6 @@ class TestInterrupted:
         assert main(["export", "beam.toml", "--format", "fmu", "--out", "new/beam.fmu"]) == 130
         assert capsys.readouterr().err.endswith("ancf-casadi: stopped; nothing was written\n")
         assert (sorted(files.iterdir()), Path.cwd()) == (before, files)
-
-    def test_study(self, files, capsys, monkeypatch):
-        def stopped(*_, **__):
-            raise KeyboardInterrupt
-
-        monkeypatch.setattr(computing, "run_function", stopped)
-        assert main(["reproduce", "--jobs", "1", "--out", "study"]) == 130
-        assert one_line(capsys) == f"ancf-casadi: stopped; {KEPT}"
-        assert not (files / "study").exists()
 
     @pytest.mark.parametrize("error", [FitError("NonIpopt_Exception_Thrown"), NotImplementedError("Wrong number")])
     def test_taken_for_a_failure_by_casadi(self, files, capsys, monkeypatch, error):
@@ -726,9 +647,7 @@ class TestInterrupted:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    "arguments", [["run", "beam.toml", "modes"], ["run", "beam.toml", "match", "--json"], ["--help"]]
-)
+@pytest.mark.parametrize("arguments", [["run", "beam.toml", "modes"], ["--help"]])
 def test_a_reader_that_has_left_is_no_error(files, arguments):
     """As in ``ancf-casadi run beam.toml modes | true``."""
     reader, writer = os.pipe()

@@ -35,13 +35,6 @@ def clamp(path, amplitude: float) -> None:
                comments="")  # fmt: skip
 
 
-@pytest.mark.slow
-def test_the_frequencies_are_those_of_the_beam(study_file, tmp_path):
-    report = run_study(study_file(BEAM, '[[steps]]\nkind = "modes"\nmodes = 3\n'), tmp_path / "results")
-    beam = Beam.from_toml(tmp_path / "study.toml")
-    assert report.results["modes"]["frequency_hz"] == natural_modes(Model(beam), count=3).frequencies.tolist()
-
-
 def test_without_a_folder_nothing_is_written_and_the_reports_are_there(study_file, tmp_path):
     path = study_file(BEAM, '[[steps]]\nkind = "modes"\nmodes = 2\n')
     before = sorted(tmp_path.iterdir())

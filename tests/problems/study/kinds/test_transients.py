@@ -78,11 +78,6 @@ def test_a_quick_look_drives_for_less_time(report, study_file):
     assert QUICK_DRIVING < 0.2
 
 
-def test_a_quick_look_has_no_bitmaps(report):
-    folder = report.page.parent / "figures"
-    assert {path.suffix for path in folder.iterdir()} == {".svg"}
-
-
 @pytest.mark.parametrize("name", ["experiment", "runs"])
 def test_a_law_cannot_take_the_name_of_another_key(study_file, name):
     text = (LAWS + PARTS).replace('"drag"', f'"{name}"')

@@ -97,15 +97,6 @@ class TestMatch:
 
 
 class TestFitDecay:
-    def test_text_gives_values_with_their_standard_errors(self, files, capsys):
-        assert main(["fit-decay", "decay.csv"]) == 0
-        lines = {line.split()[0]: line.split() for line in capsys.readouterr().out.splitlines()}
-        for name, truth in (("frequency", 3.0), ("damping_ratio", 0.02), ("amplitude", 5e-3)):
-            value, sign, error = lines[name][1:4]
-            assert sign == "+-"
-            assert 0.0 < float(error) < 0.01 * truth
-            assert float(value) == pytest.approx(truth, abs=4 * float(error))
-
     @pytest.mark.slow
     def test_the_law_is_chosen_on_request(self, files, capsys):
         assert main(["fit-decay", "decay.csv", "--law", "auto", "--json"]) == 0

@@ -1,13 +1,9 @@
 """``fit-decay``: modes, bands, several records, parts of a record, and what is refused."""
 
-import io
 import json
-import sys
 
 import numpy as np
 import pytest
-
-from ancf_casadi.support import progress
 
 SLOW, FAST = (3.0, 0.02, 5e-3), (19.0, 0.01, 8e-3)
 
@@ -115,25 +111,6 @@ def test_units_and_columns_are_given_by_options(run, tmp_path):
     data = json.loads(run("fit-decay", "a.txt", *options, "--json").out)
     assert data["frequency_hz"] == pytest.approx(3.0, rel=2e-3)
     assert data["amplitude_m"] == pytest.approx(1e-3, rel=0.01)
-
-
-@pytest.mark.slow
-def test_each_step_of_a_fit_is_shown_on_a_terminal(run, decay, monkeypatch):
-    """Solutions and their iterations; the output is the same."""
-
-    class Terminal(io.StringIO):
-        def isatty(self) -> bool:
-            return True
-
-    decay("two.csv", SLOW, FAST)
-    silent = run("fit-decay", "two.csv", "--modes")
-    terminal, counted = Terminal(), []
-    monkeypatch.setattr(sys, "stderr", terminal)
-    monkeypatch.setattr(progress, "BAR_DELAY", 0.0)
-    monkeypatch.setattr(progress.tqdm, "update", lambda bar, n=1: counted.append(n))
-    assert run("fit-decay", "two.csv", "--modes").out == silent.out
-    assert "fit-decay: 0 steps" in terminal.getvalue()
-    assert counted.count(1) > 3
 
 
 def test_a_record_that_does_not_oscillate_is_refused(run, tmp_path):

@@ -255,20 +255,6 @@ class TestInABrowser:
         data = options(page, 0)["series"][0]["data"]
         assert sum(point[1] is None for point in data) == 2  # of the gap, and at the end
 
-    def test_the_column_of_times_is_chosen_where_several_could_be(self, look, page, tmp_path):
-        time = np.linspace(0.0, 8.0, 801)
-        columns = [time, 3.0 * time, np.exp(-0.25 * time) * np.cos(12.3 * time)]
-        np.savetxt(tmp_path / "tip.csv", np.column_stack(columns), delimiter=",", header="a,b,tip (mm)", comments="")
-        _, url = look(tmp_path / "tip.csv")
-        page.goto(url)
-        wait_for(page, "choose with --time")
-        page.get_by_label("time", exact=True).click()
-        page.get_by_role("option", name="a", exact=True).click()
-        wait_for(page, "Choose a column")
-        page.get_by_role("button", name="tip (mm)").click()
-        wait_for(page, "±")
-        assert command_line(page).endswith("--time a --column 'tip (mm)'")
-
     def test_takes_are_listed_and_compared_and_saved_as_one_study(self, look, page, tmp_path):
         _, url = look()
         page.goto(url)

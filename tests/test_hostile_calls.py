@@ -7,16 +7,7 @@ import random
 import numpy as np
 import pytest
 
-from ancf_casadi import (
-    Beam,
-    HarmonicBase,
-    InputError,
-    Measurement,
-    Model,
-    damping_curve,
-    export,
-    run_all,
-)
+from ancf_casadi import Beam, HarmonicBase, InputError, Measurement, Model, damping_curve, export, run_all
 from ancf_casadi.response.harmonic_balance.system import SecondOrderSystem
 from problems import isolate_mode, law_curve
 from tests import hostile_calls

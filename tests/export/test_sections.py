@@ -164,8 +164,7 @@ def test_newton_gets_cylinders_along_the_links(tmp_path, monkeypatch):
 
 
 def test_pyelastica_gets_the_radius(tmp_path):
-    write_pyelastica(model_of(Section.tube(D, 2e-3)), tmp_path / "beam.py", segments=45)
-    np.testing.assert_allclose(constant(tmp_path / "beam.py", "RADII"), np.full(45, D / 2), rtol=1e-9)
-    assert "rod.radius[...], rod.volume[...] = RADII, np.pi * RADII**2 * LENGTH" in (tmp_path / "beam.py").read_text()
-    write_pyelastica(model_of(Section(D, D)), tmp_path / "beam.py", segments=45)
+    write_pyelastica(model_of(Section.tube(D, 2e-3)), tmp_path / "beam.py", segments=10)
+    np.testing.assert_allclose(constant(tmp_path / "beam.py", "RADII"), np.full(10, D / 2), rtol=1e-9)
+    write_pyelastica(model_of(Section(D, D)), tmp_path / "beam.py", segments=10)
     assert "RADII" not in (tmp_path / "beam.py").read_text()

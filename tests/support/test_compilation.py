@@ -128,8 +128,7 @@ class TestWithACompiler:
         assert compiled_files[0] and compiled_files == [compiled_files[0]] * 5
 
     @pytest.mark.slow
-    @pytest.mark.parametrize("law", LAWS)
-    @pytest.mark.parametrize("method", ["idas", "radau"])
+    @pytest.mark.parametrize(("method", "law"), [("idas", "modal"), *(("radau", law) for law in LAWS)])
     def test_a_compiled_motion_is_the_interpreted_one_to_the_last_digit(self, monkeypatch, method, law):
         model = Model(a_beam(3))
         start = static_equilibrium(model, tip_force=(0.05, 0.0))

@@ -22,12 +22,6 @@ def match() -> FrequencyMatch:
     return match_frequencies(paper.standard_beam(), targets=paper.TARGET_FREQUENCIES, bounds=BOUNDS)
 
 
-def small_beam() -> Beam:
-    return Beam.uniform(
-        length=0.5, width=5e-3, thickness=0.5e-3, density=8000.0, elastic_modulus=210e9, elements=SMALL_ELEMENTS
-    )
-
-
 def standard_beam(elements: int) -> Beam:
     """Return the paper's beam with another number of elements."""
     beam = paper.standard_beam()
@@ -116,7 +110,7 @@ class TestPaper:
 class TestLeastChange:
     def test_targets_of_a_beam_of_the_family_are_met_with_less_change(self):
         """The true beam has these frequencies; the match must have them too, with no larger change."""
-        beam = small_beam()
+        beam = standard_beam(SMALL_ELEMENTS)
         truth = 1 + np.random.default_rng(3).uniform(-0.05, 0.05, SMALL_FACTORS)
         targets = frequencies(beam, truth, 3)
         match = match_frequencies(beam, targets=targets.tolist())
@@ -126,7 +120,7 @@ class TestLeastChange:
     @pytest.mark.slow
     def test_change_is_a_combination_of_the_sensitivities(self):
         """If no bound is active, c (m - 1) = sum_k y_k df_k/dm: any other change could be made smaller."""
-        beam = small_beam()
+        beam = standard_beam(SMALL_ELEMENTS)
         targets = natural_modes(Model(beam), count=3).frequencies * [0.98, 1.01, 0.99]
         matched_factors = factors(match_frequencies(beam, targets=targets.tolist()).beam, beam)
         sensitivities = central_differences(lambda m: frequencies(beam, m, 3) / targets, matched_factors, 1e-5)
@@ -138,7 +132,7 @@ class TestLeastChange:
     @pytest.mark.slow
     def test_infeasible_targets_give_the_nearest_within_the_bounds(self):
         """At an active bound the squared error decreases only beyond it; elsewhere its gradient is almost zero."""
-        beam, bounds = small_beam(), 0.01
+        beam, bounds = standard_beam(SMALL_ELEMENTS), 0.01
         targets = natural_modes(Model(beam), count=3).frequencies * [1.03, 0.97, 1.02]
         match = match_frequencies(beam, targets=targets.tolist(), bounds=bounds)
         matched_factors = factors(match.beam, beam)
@@ -216,7 +210,7 @@ class TestUnusableInput:
     )
     def test_targets(self, targets, message):
         with pytest.raises(InputError, match=message):
-            match_frequencies(small_beam(), targets=targets)
+            match_frequencies(standard_beam(SMALL_ELEMENTS), targets=targets)
 
     @pytest.mark.parametrize(
         ("bounds", "message"),
@@ -228,17 +222,17 @@ class TestUnusableInput:
     )
     def test_bounds(self, bounds, message):
         with pytest.raises(InputError, match=message):
-            match_frequencies(small_beam(), targets=(1.85, 10.19), bounds=bounds)
+            match_frequencies(standard_beam(SMALL_ELEMENTS), targets=(1.85, 10.19), bounds=bounds)
 
 
 class TestFailure:
     def test_a_beam_that_cannot_stand_has_no_modes_to_match(self):
-        pendulum = small_beam().with_(axis=(0.0, 1.0), supports=(Pin(0.0),))
+        pendulum = standard_beam(SMALL_ELEMENTS).with_(axis=(0.0, 1.0), supports=(Pin(0.0),))
         with pytest.raises(EquilibriumError, match="turn it to where it hangs"):
             match_frequencies(pendulum, targets=(1.85, 10.19))
 
     def test_no_convergence_is_an_error(self, monkeypatch):
         monkeypatch.setitem(MATCHING_OPTIONS, "ipopt.max_iter", 2)
         with pytest.raises(FitError, match="no minimum was found after 2 iterations") as caught:
-            match_frequencies(small_beam(), targets=(1.85, 10.19))
+            match_frequencies(standard_beam(SMALL_ELEMENTS), targets=(1.85, 10.19))
         assert caught.value.stats["return_status"] == "Maximum_Iterations_Exceeded"

@@ -152,6 +152,26 @@ def backbone(model, amplitude, across, method, tolerance):
     return frequency / modes.frequencies[0] - 1, np.mean(swings) / LENGTH
 
 
+@pytest.mark.slow
+def test_the_tip_of_a_large_motion_converges_at_order_four_with_the_elements(paper_beam):
+    tips = {
+        elements: released(
+            Model(paper_beam(elements, **WEIGHTLESS)),
+            3.0,
+            damping=RayleighDamping(alpha=0.2, beta=3e-5),
+            duration=0.15,
+            sample_rate=200.0,
+            method="radau",
+            tolerance=1e-8,
+        ).tip
+        for elements in (10, 20, 80)
+    }
+    coarse, fine = (abs(tips[elements] - tips[80]).max() / LENGTH for elements in (10, 20))
+    assert abs(tips[80][:, 1] - tips[80][0, 1]).max() > 0.3 * LENGTH
+    assert fine < 1e-5
+    assert np.log2(coarse / fine) == pytest.approx(4.0, abs=0.4)
+
+
 # ------------------------------------------------------------------------------------------------------- tolerance
 
 

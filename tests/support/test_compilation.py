@@ -169,7 +169,6 @@ class TestCache:
         ids=["empty", "truncated", "changed", "nonsense"],
     )
     def test_a_damaged_library_is_built_anew(self, cache, damage):
-        """An empty library caused a traceback in every later run, and a truncated one killed the process."""
         compile_function(a_function())
         (library,) = cache.glob("*.so")
         whole = library.read_bytes()

@@ -80,7 +80,6 @@ def test_an_event_takes_the_place_of_errors_and_of_results(is_set):
 
 
 def test_ctrl_c_ends_a_solver_with_the_iteration_it_meets(monkeypatch):
-    """It waited for the end of the solution, which may take minutes."""
     x = cs.MX.sym("x", 2)
     valley = {"x": x, "f": (1 - x[0]) ** 2 + 100 * (x[1] - x[0] ** 2) ** 2}
     iterations = []

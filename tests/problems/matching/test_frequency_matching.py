@@ -187,7 +187,6 @@ class TestMesh:
 
     @pytest.mark.slow
     def test_400_elements_are_matched(self):
-        """The modes of the program and an independent solution once differed by 3.5e-7, and the match was refused."""
         beam, taper = standard_beam(400), np.linspace(1.04, 0.98, 400)
         targets = natural_modes(Model(beam.with_(thickness=tuple(taper * 0.5e-3), density=8200.0)), count=4).frequencies
         unknowns = (Smooth("thickness"), Global("density"))

@@ -202,7 +202,7 @@ class TestOutOfReach:
 
     @pytest.mark.slow
     def test_out_of_reach_no_interval_is_given(self, beam):
-        """The density is at no bound; the table once had lowest = highest = value, and "the data fix 3 of 6"."""
+        """The density is at no bound."""
         targets = (natural_modes(Model(beam), count=3).frequencies * [1.05, 0.93, 1.04]).tolist()
         unknowns = (THICKNESS, Global("density"))
         match = match_frequencies(beam, targets=targets, unknowns=unknowns, bounds=0.01)

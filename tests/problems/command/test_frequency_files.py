@@ -126,10 +126,7 @@ class TestHits:
         ("options", "message"),
         [
             (["--force", "2"], "--response: is needed beside --force"),
-            (
-                ["--force", "2", "--response", "3", "--phase", "3"],
-                "--force: reads records over time; it does not go with --phase",
-            ),
+            (["--force", "2", "--response", "3", "--phase", "3"], "it does not go with --phase"),
             (["--force", "2", "--response", "3", "--unit", "g"], "--unit: must be units of response and force"),
             (["--force", "2", "--response", "3", "--window", "hann"], "window: belongs to a shaker"),
         ],

@@ -275,20 +275,12 @@ class TestRecords:
             ("m_mm,x_mm\n1,2\n", "load = {mass = 'm_mm'}", r"column 1 'm_mm': is in mm, a unit of length, not of mass"),
             ("p_g,x_mm\n1,2\n", "load = {force = [0, 'p_g']}", r"load: force: \S*sag.csv: column 1 'p_g': is in g"),
             (
-                "mass_g,x_mm\n1,2\n\n,3\n",
-                "load = [{mass = 'mass_g'}]",
-                r"\[statics\]: load: 1: mass: \S*sag.csv: column 1 'mass_g': line 4: has no number",
+                "m_g,x_mm\n1,2\n\n,3\n",
+                "load = [{mass = 'm_g'}]",
+                r"load: 1: mass: \S*sag.csv: .*: line 4: has no number",
             ),
-            (
-                "mass_g,x_mm\n1,2\n-1,3\n",
-                "load = {mass = 'mass_g'}",
-                r"\[statics\]: load: \S*sag.csv: line 3: mass: must be",
-            ),
-            (
-                "mass_g,x\n1,2\n",
-                "load = {mass = 'mass_g'}",
-                r"\[statics\]: column: \S*sag.csv: column 2 'x': has no unit",
-            ),
+            ("m_g,x_mm\n1,2\n-1,3\n", "load = {mass = 'm_g'}", r"load: \S*sag.csv: line 3: mass: must be"),
+            ("m_g,x\n1,2\n", "load = {mass = 'm_g'}", r"column: \S*sag.csv: column 2 'x': has no unit"),
         ],
     )
     def test_unusable_static_files(self, file, tmp_path, rows, keys, what):

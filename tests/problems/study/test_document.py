@@ -151,13 +151,6 @@ class TestPage:
             assert f"{step.seconds:.1f}" in text
         assert "Quick look" in text
 
-    def test_ink_is_the_colour_of_the_text(self, page):
-        """Black axes and records would vanish on a dark page; other colours stay."""
-        svg = page.source[page.source.index("<main>") : page.source.index("</main>")]
-        assert not re.search(r"(fill|stroke): *(#000000|#222222|black)", svg)
-        assert "stroke: currentColor" in svg
-        assert "#009e73" in svg
-
     def test_prints_two_figures_on_a_page(self, page, small_paper):
         """Of US letter, beside their captions, with letters of 7 points or more; one law for all modes fills a page."""
         figures = [figure for step in small_paper.steps for figure in step.figures]

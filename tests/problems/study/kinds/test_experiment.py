@@ -139,10 +139,7 @@ def test_participation_of_a_uniform_cantilever(paper_beam, mode, gamma):
 @pytest.mark.parametrize(
     ("terms", "message"),
     [
-        (
-            ({"law": "cubic"},),
-            "damping: law: must be one of rayleigh, quadratic, friction, viscoelastic, modal, sum, got 'cubic'",
-        ),
+        (({"law": "cubic"},), "damping: law: must be one of rayleigh, quadratic,"),
         (({"law": "quadratic", "eta1": -1.0},), "eta1"),
         (({"law": "modal", "ratios": [0.01, 0.01], "frequencies": [1.0]},), "frequencies"),
     ],

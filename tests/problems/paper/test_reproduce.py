@@ -15,7 +15,6 @@ import pytest
 from ancf_casadi.figures.files import figure_bytes
 from ancf_casadi.version import __version__
 from problems.cli import main
-from problems.paper import inputs
 from problems.paper import reproduce as reproducing
 from problems.paper.reproduce import PAPER
 from problems.paper.tables_09_10 import frequency_matching
@@ -54,15 +53,6 @@ class TestContents:
         ]
         (missing,) = (step for step in PAPER.steps if step.tables + step.figures and step.name not in names)
         assert missing.tables + missing.figures == ("Table 12", *(f"Figure {k}" for k in range(24, 28)))
-
-    def test_experiments_are_those_of_the_paper(self):
-        """Section 5.2: frequency and stop time of each mode; each law simulated in each mode."""
-        runs = inputs.experiments(*inputs.three_laws())
-        assert [(run.mode, run.frequency, run.stop) for run in runs] == [
-            (1, 1.85, 15.0), (2, 10.19, 20.0), (3, 26.84, 12.0), (4, 53.20, 10.0), (5, 88.60, 6.0),
-        ]  # fmt: skip
-        assert all([law.name for law in run.laws] == ["generic", "proportional", "quadratic"] for run in runs)
-        assert tuple(run.measured_ratio for run in runs) == paper.DAMPING_RATIOS
 
 
 @pytest.mark.slow

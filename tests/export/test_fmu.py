@@ -270,20 +270,6 @@ def test_the_reduced_model_is_valid_and_agrees_with_simulate_reduced(small, redu
         check(run_fmu(small, {}, relative_tolerance=tolerance), run, run.energy.T[:2], error)
 
 
-@pytest.mark.slow
-def test_a_release_of_the_reduced_model_agrees_with_the_full_beam(small, reduced):
-    """Start values set a small deflection in modes 1 and 2."""
-    q = np.array([1e-3, 2e-4, 0.0, 0.0])
-    start = State(*(part.full().ravel() for part in reduced.coordinates(q, 0 * q, np.zeros(9))))
-    settings = {"duration": DURATION, "sample_rate": RATE, "method": "radau", "tolerance": 1e-9}
-    run = simulate(reduced.model, damping=reduced.law, start=start, **settings)
-    found = run_fmu(small, {"q_1": q[0], "q_2": q[1]}, size=0.0)
-    swing = np.ptp(run.tip, axis=0).max()
-    assert 0.01 < swing < 0.05
-    for c, component in enumerate("xy"):
-        assert np.abs(found[f"tip_{component}"] - run.tip[:, c]).max() < 1e-4 * swing
-
-
 def test_the_declared_variables_of_the_reduced_model(small, reduced):
     about = fmpy.read_model_description(small)
     check_declared(about, reduced)

@@ -277,7 +277,7 @@ class TestRecords:
             (
                 "m_g,x_mm\n1,2\n\n,3\n",
                 "load = [{mass = 'm_g'}]",
-                r"load: 1: mass: \S*sag.csv: .*: line 4: has no number",
+                r"load: 1: mass: \S*sag.csv: .* line 4: has no number",
             ),
             ("m_g,x_mm\n1,2\n-1,3\n", "load = {mass = 'm_g'}", r"load: \S*sag.csv: line 3: mass: must be"),
             ("m_g,x\n1,2\n", "load = {mass = 'm_g'}", r"column: \S*sag.csv: column 2 'x': has no unit"),

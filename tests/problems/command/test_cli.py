@@ -92,6 +92,8 @@ class TestMatch:
         capsys.readouterr()
         assert main(["export", "new/matched.json", "--format", "json", "--out", "after.json"]) == 0
         assert "damping" not in capsys.readouterr().out
+        assert main(["run", "new/matched.json", "modes", "--json"]) == 0
+        assert json.loads(capsys.readouterr().out)["modes"]["frequency_hz"][0] == pytest.approx(1.85, rel=1e-6)
 
 
 class TestFitDecay:

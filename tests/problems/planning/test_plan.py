@@ -180,6 +180,14 @@ def two_modes():
     return plan(model, {"pluck": pluck}, law)
 
 
+@pytest.mark.parametrize(
+    ("goal", "weights"), [("D", None), ("A", np.array([1.0, 1.0])), ("density", np.array([0.0, 1.0]))]
+)
+def test_a_goal_weighs_the_errors_of_the_unknowns(values, goal, weights):
+    gains = values.gains(dict.fromkeys(values.names, 1), goal)
+    assert [*gains.values()] == pytest.approx(values.design.gains(np.ones(3), weights))
+
+
 @pytest.mark.slow
 def test_an_earlier_fit_counts_with_its_information_and_its_noise(release):
     law = RayleighDamping(0.5)

@@ -85,7 +85,7 @@ def test_a_call_with_all_defaults_warns_of_nothing_and_keeps_a_margin_below_a_te
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["modal, mode 1", "strain-rate", "drag", "sampled"])
+@pytest.mark.parametrize("name", ["strain-rate", "drag"])
 def test_the_default_is_the_cheaper_integrator(modes, name):
     """In processor time of a second call: it takes less than half of that of IDAS."""
     cost = {}
@@ -109,7 +109,7 @@ def test_an_undamped_release_from_four_fifths_of_the_length_keeps_its_energy():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("mode", "amplitude"), [(0, 1e-4), (4, 1e-4), (1, 1e-3), (0, 1e-2), (2, 3e-3)])
+@pytest.mark.parametrize(("mode", "amplitude"), [(4, 1e-4), (1, 1e-3), (0, 1e-2)])
 def test_defaults_neither_damp_nor_detune_a_mode(mode, amplitude):
     """Numerical damping below 1e-5 and the frequency within 3e-5, against a motion integrated to 1e-10."""
     modes = natural_modes(steel(axis=(1.0, 0.0), gravity=(0.0, 0.0)))
@@ -127,9 +127,9 @@ def test_defaults_neither_damp_nor_detune_a_mode(mode, amplitude):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("number", range(0, 20, 2))
+@pytest.mark.parametrize("number", range(0, 20, 4))
 def test_any_call_with_all_defaults_ends_soon_and_balances_its_energy(number):
-    """Each base motion and each law with two others; a step takes about 0.4 ms."""
+    """Each base motion with another law; a step takes about 0.4 ms."""
     rng = np.random.default_rng(number)
     hanging = bool(rng.integers(2))
     model = steel(int(rng.choice([8, 12, 20])), axis=(0.0, -1.0) if hanging else (1.0, 0.0))
@@ -239,9 +239,7 @@ def whole():
     return simulate(steel(8), damping=DAMPED, base=BASE, duration=0.8, sample_rate=200.0, tolerance=1e-9)
 
 
-@pytest.mark.parametrize(
-    ("method", "sample"), [("radau", 1), ("radau", 50), ("radau", 106), ("radau", -20), ("idas", 1), ("idas", 106)]
-)
+@pytest.mark.parametrize(("method", "sample"), [("radau", 1), ("radau", 106), ("radau", -20), ("idas", 50)])
 def test_continuing_from_any_sample_of_a_driven_run_gives_the_uninterrupted_run(whole, sample, method):
     """While the base moves, after its stop, and between the samples of the first run."""
     state = whole.state(sample)

@@ -11,15 +11,9 @@ import ancf_casadi.export
 import problems
 from ancf_casadi.support.compilation import c_compiler
 
-SLOW = (
-    "ContinuationError", "DecayFit", "RecordPrediction", "SampledLoad",
-    "BeamFit", "Plan", "compare_laws", "corner_figure", "fit_beam", "plan_comparison", "write_fmu",
-)  # fmt: skip
 ELSEWHERE = {"reproduce"}  # tests/problems/paper/test_reproduce.py
 PUBLIC = [
-    pytest.param(
-        getattr(package, name), id=f"{package.__name__}.{name}", marks=[pytest.mark.slow] if name in SLOW else []
-    )
+    pytest.param(getattr(package, name), id=f"{package.__name__}.{name}")
     for package in (ancf_casadi, ancf_casadi.export, problems)
     for name in package.__all__
     if not name.startswith("__") and name not in ELSEWHERE

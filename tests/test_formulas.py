@@ -20,12 +20,6 @@ CODE = re.compile(
     r"^( *)(?P<fence>`{3,}|~{3,}).*?^ *(?P=fence)`*$|(?P<ticks>`+)(?!`).+?(?<!`)(?P=ticks)(?!`)", re.S | re.M
 )
 FORMULA = re.compile(r"\$\$(?P<display>.+?)\$\$|\$(?P<inline>[^$\n]+)\$", re.S)
-GREEK = "alpha|beta|gamma|delta|eps|zeta|eta|theta|kappa|lambda|mu|xi|rho|sigma|tau|phi|psi|omega|Gamma|Phi|Theta|Omega"
-PLAIN = re.compile(  # formulas as in the docstrings
-    rf"_tt?\b|\^|\bint |sqrt\(|\b(?:{GREEK})\d?(?:_\w+)?\b(?! law)|\b\d+ pi\b|\bE [AI]\b|\+-"
-    r"|(?<![\w.])\d+(?:\.\d+)?e-?\d+\b(?=[^|]*$)"
-)
-GENERALISED = "generalised alpha"  # the name of a method
 
 
 def without_code(page: Path) -> str:
@@ -37,15 +31,6 @@ def formulas(page: Path) -> Iterator[tuple[str, bool]]:
     """Yield the formulas of a page, and whether they are displayed."""
     for found in FORMULA.finditer(without_code(page)):
         yield found["display"] or found["inline"], found["display"] is not None
-
-
-@pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(DOCS)))
-def test_formulas_are_typeset(page):
-    text = FORMULA.sub(lambda found: "\n" * found[0].count("\n"), without_code(page)).replace(GENERALISED, "")
-    text = re.sub(r"\]\([^)]*\)", "]", text)
-    assert "$" not in text
-    found = [f"{number}: {line}" for number, line in enumerate(text.splitlines(), 1) if PLAIN.search(line)]
-    assert not found
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(DOCS)))
@@ -103,10 +88,6 @@ def test_elements_without_line_breaks_change_no_text(mathml):
     assert {"(x_0,", "2.5e-6", "x_6."} <= set(whole)
 
 
-UNIT = re.compile(r"\b(?:kg|m|s|N|rad|Hz)(?: m| s)?\^\(?-?\w+(?:/\d)?\)?")
-NO_FORMULA = re.compile(r"\^|\bint [A-Z]|sqrt\(|\|v\||\bphi\b|2 omega|alpha M|Q_damp")
-
-
 def public_docstrings() -> Iterator[tuple[str, str]]:
     """Yield name and docstring of every public object and its members, without examples."""
     for module in (ancf_casadi, ancf_casadi.export, problems):
@@ -118,14 +99,12 @@ def public_docstrings() -> Iterator[tuple[str, str]]:
                     yield key, re.split(r"\nExamples\n", inspect.getdoc(member) or "")[0]
 
 
-def test_formulas_of_docstrings_are_typeset(monkeypatch):
+def test_each_formula_that_the_site_replaces_stands_in_a_docstring(monkeypatch):
     monkeypatch.syspath_prepend(DOCS)
     formulas = importlib.import_module("docstring_formulas")
     texts = dict(public_docstrings())
     together = " ".join(" ".join(texts.values()).split())
     assert [plain for plain in formulas.FORMULAS if plain not in together] == []
-    rest = {name: re.sub(r":math:`[^`]+`", "", formulas.typeset(text)) for name, text in texts.items()}
-    assert [name for name, text in rest.items() if NO_FORMULA.search(UNIT.sub("", text))] == []
 
 
 def test_formulas_of_docstrings_can_be_shown(mathml):

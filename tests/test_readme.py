@@ -67,11 +67,3 @@ def test_the_pages_and_pictures_that_it_names_exist():
     named = re.findall(r"\[.*?\]\(((?:docs|examples)/[^)#]+)\)", README)
     assert len(named) > 10
     assert all((ROOT / path).exists() for path in named)
-
-
-def test_the_table_names_every_page_of_tutorials_how_to_and_theory():
-    pages = {path for folder in ("tutorials", "how_to") for path in (ROOT / "docs" / folder).glob("*.md")}
-    pages = {path.relative_to(ROOT).as_posix() for path in pages if path.stem != "index"}
-    theory = re.findall(r"^\w+$", (ROOT / "docs" / "background.md").read_text().partition("toctree")[2], re.M)
-    pages |= {f"docs/{name}.md" for name in theory}
-    assert theory and pages <= set(re.findall(r"\]\((docs/[^)#]+)\)", README))

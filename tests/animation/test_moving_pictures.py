@@ -293,12 +293,9 @@ def test_without_ffmpeg_a_line_says_what_to_do(run, tmp_path, monkeypatch):
     [
         ("swing.avi", {}, r"swing\.avi: must end in \.gif, \.mp4 or \.html"),
         (".", {}, "is a folder"),
-        ("a.gif", {"slower": 0.0}, "slower: must be positive"),
         ("a.gif", {"slower": 1e5}, "slower: 100000 makes 1.5e.06 pictures, not 2 to 3000"),
-        ("a.gif", {"slower": 0.01}, "slower: 0.01 makes 1.15 pictures"),
         ("a.gif", {"frame_rate": 200.0}, "frame_rate: must be from 1 to 50 pictures per second, got 200"),
         ("a.gif", {"begin": 0.4, "end": 0.2}, "begin: must be before the end, within 0 to 0.6 s"),
-        ("a.gif", {"beside": 1}, "beside: must be True or False"),
         ("a.gif", {"points": [0.6]}, "0.6"),
         ("a.gif", {"markers": ([0.0, 0.1], [[0.0, 0.0]])}, "markers: have shapes"),
         ("a.gif", {"markers": ([0.1, 0.0], np.zeros((2, 2)))}, "markers: must have times that increase"),

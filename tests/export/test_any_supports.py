@@ -1,11 +1,8 @@
-"""Exports of a beam between two hinges with all kinds of attachments, and of a beam on slanted rollers."""
+"""Functions of a beam between two hinges with all kinds of attachments, and of a beam on slanted rollers."""
 
 import math
-import shutil
-import subprocess
 
 import casadi as cs
-import fmpy
 import numpy as np
 import pytest
 
@@ -21,14 +18,12 @@ from ancf_casadi import (
     Roller,
     RotationalSpring,
     Spring,
-    State,
     natural_modes,
     simulate,
     static_equilibrium,
 )
 from ancf_casadi.dynamics.base_motion import Piece
-from ancf_casadi.export import beam_functions, c, fmu, values, write_c
-from ancf_casadi.export.fmu import write_fmu
+from ancf_casadi.export import beam_functions, values
 from ancf_casadi.export.solved_functions import SDIRK_STAGES
 
 LAW = RayleighDamping(alpha=0.5, beta=3e-5) + QuadraticDamping(eta2=0.2)
@@ -109,39 +104,3 @@ def test_a_node_on_a_slanted_roller_has_one_coordinate():
     assert {"x_4", "y_4"}.isdisjoint(states)
     place = static_equilibrium(model).coordinates[-4:-2]
     assert states["slide_4"].value == pytest.approx(place @ np.array([2.0, 1.0]) / math.sqrt(5.0))
-
-
-@pytest.mark.slow
-@pytest.mark.skipif(shutil.which("gcc") is None, reason="there is no C compiler")
-def test_c_code_and_fmu_of_a_hinged_beam_agree_with_simulate(tmp_path, monkeypatch):
-    """The program in C releases the beam from a pull; the FMU begins at rest, with half of gravity missing."""
-    step, samples, model = 5e-4, 100, Model(HINGED)
-    for name, value in {"PROGRAM_STEP": step, "PROGRAM_SAMPLES": samples, "DEFLECTION": 1e-3}.items():
-        monkeypatch.setattr(c, name, value)
-    monkeypatch.setattr(fmu, "FMU_FLAGS", ("-O0", *fmu.FMU_FLAGS[1:]))
-    exported = beam_functions(model, LAW, markers=(0.2,), modes=1)
-    settings = {"damping": LAW, "duration": step * samples, "sample_rate": 1 / step, "tolerance": 1e-9}
-
-    write_c(exported, tmp_path, name="strip")
-    subprocess.run(["gcc", "-O1", "main.c", "strip.c", "-o", "decay", "-lm"], cwd=tmp_path, check=True)
-    done = subprocess.run([tmp_path / "decay"], capture_output=True, text=True, check=True)
-    rows = np.loadtxt(done.stdout.splitlines(), delimiter=",", skiprows=1)
-    pull = [float(x) for x in (tmp_path / "main.c").read_text().split("pull[2] = {")[1].split("}")[0].split(",")]
-    start = static_equilibrium(Model(HINGED.with_(gravity=tuple(np.add(HINGED.gravity, pull))))).coordinates
-    run = simulate(model, start=State(start, 0 * start), **settings)
-    for found, truth in ((rows[:, 3], run.kinetic_energy), (rows[:, 5], run.potential_energy)):
-        np.testing.assert_allclose(found, truth, atol=1e-3 * np.ptp(truth))
-
-    write_fmu(exported, tmp_path / "strip.fmu")
-    found = fmpy.simulate_fmu(
-        str(tmp_path / "strip.fmu"),
-        stop_time=step * samples,
-        output_interval=step,
-        start_values={"gravity_y": -5.0},
-        output=["marker_1_x", "marker_1_y"],
-    )
-    rest = static_equilibrium(model).coordinates
-    run = simulate(Model(HINGED.with_(gravity=(0.0, -5.0))), start=State(rest, 0 * rest), **settings)
-    truth = run.position(0.2)
-    for name, own in zip(("marker_1_x", "marker_1_y"), truth.T, strict=True):
-        np.testing.assert_allclose(found[name], own, atol=1e-6 * np.ptp(truth, axis=0).max())

@@ -1,6 +1,5 @@
 """The FMU: validity, description, and its motion in fmpy against ``simulate``."""
 
-import dataclasses
 import importlib.util
 import math
 import shutil
@@ -269,30 +268,6 @@ def test_the_reduced_model_is_valid_and_agrees_with_simulate_reduced(small, redu
     run = simulate_reduced(reduced, base=Shove(), duration=DURATION, sample_rate=RATE, start=rest)
     for tolerance, error in ((1e-10, 1e-6), (None, 2e-5)):
         check(run_fmu(small, {}, relative_tolerance=tolerance), run, run.energy.T[:2], error)
-
-
-@pytest.mark.slow
-def test_the_reduced_model_under_other_parameters(small, reduced, rest):
-    values = {"gravity_x": 1.0, "gravity_y": -8.0, "beta": 1e-3, "eta1": 1.0, "eta2": 3.0}
-    changed = dataclasses.replace(
-        reduced, parameters=tuple(dataclasses.replace(s, value=values[s.name]) for s in reduced.parameters)
-    )
-    run = simulate_reduced(changed, base=Shove(), duration=DURATION, sample_rate=RATE, start=rest)
-    check(run_fmu(small, values, relative_tolerance=1e-10), run, run.energy.T[:2], 1e-6)
-
-
-@pytest.mark.slow
-def test_a_release_of_the_reduced_model_agrees_with_the_full_beam(small, reduced):
-    """Start values set a small deflection in modes 1 and 2."""
-    q = np.array([1e-3, 2e-4, 0.0, 0.0])
-    start = State(*(part.full().ravel() for part in reduced.coordinates(q, 0 * q, np.zeros(9))))
-    settings = {"duration": DURATION, "sample_rate": RATE, "method": "radau", "tolerance": 1e-9}
-    run = simulate(reduced.model, damping=reduced.law, start=start, **settings)
-    found = run_fmu(small, {"q_1": q[0], "q_2": q[1]}, size=0.0)
-    swing = np.ptp(run.tip, axis=0).max()
-    assert 0.01 < swing < 0.05
-    for c, component in enumerate("xy"):
-        assert np.abs(found[f"tip_{component}"] - run.tip[:, c]).max() < 1e-4 * swing
 
 
 def test_the_declared_variables_of_the_reduced_model(small, reduced):

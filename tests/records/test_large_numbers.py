@@ -9,8 +9,8 @@ from problems.cli import main
 TIME = np.arange(0.0, 5.0, 0.01)
 
 
-@pytest.mark.parametrize("options", [["inspect"], ["fit-decay"], ["fit-decay", "--law", "auto"]])
-@pytest.mark.parametrize("values", [1e308 * (-1.0) ** np.arange(500), np.full(500, 1e308), 1e154 * np.cos(19 * TIME)])
+@pytest.mark.parametrize("options", [["inspect"], ["fit-decay"]])
+@pytest.mark.parametrize("values", [1e308 * (-1.0) ** np.arange(500), 1e154 * np.cos(19 * TIME)])
 def test_a_command_refuses_them_in_one_line(tmp_path, capsys, options, values):
     path = tmp_path / "a.csv"
     np.savetxt(path, np.column_stack([TIME, values]), delimiter=",", header="t (s),x (mm)", comments="")

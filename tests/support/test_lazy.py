@@ -7,7 +7,6 @@ import pytest
 
 import ancf_casadi
 import problems
-from ancf_casadi.mechanics.beam import Beam
 
 PACKAGES = (ancf_casadi, problems)
 
@@ -23,10 +22,6 @@ def test_a_name_that_does_not_exist_is_no_attribute(package):
     with pytest.raises(AttributeError, match=f"module '{package.__name__}' has no attribute 'Bean'"):
         package.Bean  # noqa: B018
     assert not hasattr(package, "_private")
-
-
-def test_a_name_is_that_of_its_module():
-    assert ancf_casadi.Beam is Beam
 
 
 def test_folders_are_attributes_and_nothing_is_imported_before_it_is_used():

@@ -134,12 +134,6 @@ class TestFile:
         assert (tmp_path / "new" / "a.bin").read_bytes() == b"\x00\xff"
         assert stat.S_IMODE((tmp_path / "new" / "a.txt").stat().st_mode) == 0o644
 
-    def test_what_was_there_is_replaced(self, tmp_path):
-        (tmp_path / "a.txt").write_text("a much longer text than the new one")
-        write_file(tmp_path / "a.txt", "short")
-        assert (tmp_path / "a.txt").read_text() == "short"
-        assert [path.name for path in tmp_path.iterdir()] == ["a.txt"]
-
     @pytest.mark.parametrize("error", [KeyboardInterrupt(), OSError(28, "No space left on device")])
     def test_interrupted_it_leaves_what_was_there_and_no_draft(self, tmp_path, monkeypatch, error):
         (tmp_path / "a.txt").write_text("old")

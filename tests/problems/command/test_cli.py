@@ -3,7 +3,6 @@
 import contextlib
 import errno
 import hashlib
-import importlib.util
 import json
 import os
 import re
@@ -21,37 +20,25 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from ancf_casadi import (
-    Beam,
-    FitError,
-    Measurement,
-    Model,
-    SimulationError,
-    StrainMeasures,
-)
-from ancf_casadi.export import Document, fmu, load_functions, read_document, write_document
+from ancf_casadi import FitError
+from ancf_casadi.export import fmu, load_functions, read_document
 from ancf_casadi.support.interrupts import ENDING
 from ancf_casadi.version import __version__
 from ancf_casadi.vibration.modes import natural_modes
-from problems.cli import COMMANDS, REPLACED, main
+from problems.cli import REPLACED, main
 from problems.command import fit_decay as fit_decay_command
-from problems.paper.reproduce import PAPER
 from problems.spec import motion as motion_tables
 from problems.spec.motion import SimulationTables
-from problems.study import compute as computing
 from problems.study import study as study_module
 from problems.study.kinds import beam as beam_kinds
 
 EXAMPLES = Path(__file__).parents[3] / "examples"
-RECORD = Path(__file__).parents[4] / "shared" / "data" / "silicone_beam" / "beam_gravity_tip.csv"
 KEPT = "finished computations are kept with --out, and the same command continues from there"
 PNG = b"\x89PNG\r\n\x1a\n"
 
 BEAM = (EXAMPLES / "beam.toml").read_text()
 STUDY = (EXAMPLES / "study.toml").read_text()
 SMALL = {"elements = 20": "elements = 4", "duration = 8.0 ": "duration = 0.4 ", "stop = 4.0 ": "stop = 0.2 "}
-
-real_record = pytest.mark.skipif(not RECORD.exists(), reason="the measured records are not part of the repository")
 
 
 def edited(text: str, *changes: tuple[str, str]) -> str:
@@ -77,90 +64,17 @@ def files(tmp_path, monkeypatch) -> Path:
     return tmp_path
 
 
-class TestModes:
-    def test_text(self, files, capsys):
-        assert main(["run", "beam.toml", "modes"]) == 0
-        captured = capsys.readouterr()
-        rows = [line.split() for line in captured.out.splitlines()[4:7]]
-        assert [row[0] for row in rows] == ["1", "2", "3"]
-        assert [float(row[1]) for row in rows] == pytest.approx([1.87613, 10.5785, 29.2588], rel=3e-5)
-        assert captured.err == ""
-
-    def test_json(self, files, capsys):
-        """Hanging, exact: Chebyshev collocation; the tip is the stretched length below the clamp."""
-        assert main(["run", "beam.toml", "modes", "--json"]) == 0
-        data = json.loads(capsys.readouterr().out)["modes"]
-        exact = [1.87613156, 10.57854292, 29.25877251, 57.14312999, 94.32271386]
-        assert data["frequency_hz"] == pytest.approx(exact, rel=2e-4)
-        assert data["equilibrium_tip_m"] == pytest.approx([0.0, -0.5], abs=1e-6)
-
-
 class TestMatch:
-    @pytest.mark.slow
-    def test_json(self, files, capsys):
-        assert main(["run", "beam.toml", "match", "--json"]) == 0
-        data = json.loads(capsys.readouterr().out)["match"]
-        assert data["target_hz"] == [1.85, 10.19, 26.84, 53.20, 88.60]
-        assert data["matched_hz"] == pytest.approx(data["target_hz"], rel=1e-6)
-        assert data["max_relative_error"] < 1e-6
-        assert data["at_bound"] == []
-        for name, standard in (
-            ("width_m", 5e-3),
-            ("thickness_m", 0.5e-3),
-            ("density_per_element", 8e3),
-            ("elastic_modulus_per_element", 2.1e11),
-        ):
-            assert data[name] == pytest.approx([standard] * 20, rel=0.1)
-
-    def test_text(self, files, capsys):
-        (files / "beam.toml").write_text(edited(BEAM, ("elements = 20", "elements = 8"), (", 53.20, 88.60", "")))
-        assert main(["run", "beam.toml", "match"]) == 0
-        frequencies, properties = capsys.readouterr().out.split("\n\n")
-        rows = [[float(cell) for cell in line.split()] for line in frequencies.splitlines()[4:7]]
-        for row, target in zip(rows, (1.85, 10.19, 26.84), strict=True):
-            assert (row[1], row[3]) == (pytest.approx(target), pytest.approx(target, rel=1e-5))
-        assert len(properties.splitlines()) == 4 + 8 + 8 + 2 + 4  # rows, and three notes, one of them folded
-        assert (
-            "The data determine 3 independent combinations of the 18 unknowns; the preference selects the rest."
-            in properties
-        )
-        assert "at a bound: nothing" in properties
-
-    @pytest.mark.slow
-    def test_plot_and_unknowns(self, files, capsys):
-        text = edited(
-            BEAM, ("elements = 20", "elements = 6"), (", 53.20, 88.60", ""), ("bounds = 0.10", "bounds = 0.3")
-        )
-        (files / "beam.toml").write_text(text + '\n[match.unknowns]\nthickness = {smooth = 4}\ndensity = "global"\n')
-        assert main(["run", "beam.toml", "match", "--json", "--out", "new"]) == 0
-        data = json.loads(capsys.readouterr().out)["match"]
-        assert [p["name"] for p in data["properties"]] == [*(f"thickness[{k}]" for k in range(1, 7)), "density"]
-        assert data["rank"] == 3
-        assert data["max_relative_error"] < 1e-6
-        assert (files / "new/figures/figure_01.png").read_bytes().startswith(b"\x89PNG")
-
-    def test_the_matched_beam_as_a_document(self, files, capsys):
-        """Its frequencies are the targets, and the document says what it was matched to."""
-        (files / "beam.toml").write_text(edited(BEAM, ("elements = 20", "elements = 6"), (", 53.20, 88.60", "")))
-        assert main(["run", "beam.toml", "match", "--json", "--out", "new"]) == 0
-        printed = json.loads(capsys.readouterr().out)["match"]
-        (identification,) = read_document("new/matched.json").identifications
-        assert identification.result["unknowns"] == printed["unknowns"]
-        assert main(["run", "new/matched.json", "modes", "--json"]) == 0
-        frequencies = json.loads(capsys.readouterr().out)["modes"]["frequency_hz"]
-        assert frequencies[:3] == pytest.approx([1.85, 10.19, 26.84], rel=1e-6)
-
     @pytest.mark.parametrize(
         ("tables", "ratio"),
         [
-            ('[[damping]]\nlaw = "rayleigh"\nalpha = 0.2\n', 0.2 / (4 * np.pi * 1.85)),
             ('[[damping]]\nlaw = "modal"\nratios = [0.01, 0.02]\n', 0.01),
             (
                 '[[damping]]\nlaw = "modal"\nratios = [0.01]\n[[damping]]\nlaw = "rayleigh"\nalpha = 0.2\n',
                 0.01 + 0.2 / (4 * np.pi * 1.85),
             ),
         ],
-        ids=["rayleigh", "modal", "sum"],
+        ids=["modal", "sum"],
     )
     def test_the_matched_beam_keeps_the_damping_of_the_file(self, files, capsys, tables, ratio):
         """Also that of a document; a modal law has the modes of the matched beam."""
@@ -174,38 +88,15 @@ class TestMatch:
             modes = natural_modes(found.model, count=1)
             assert modes.frequencies == pytest.approx([1.85], rel=1e-6)
             assert found.damping.damping_ratios(modes, [0.0]) == pytest.approx([ratio], rel=1e-6)
+            assert found.identifications[0].kind == "frequency matching"
         capsys.readouterr()
         assert main(["export", "new/matched.json", "--format", "json", "--out", "after.json"]) == 0
         assert "damping" not in capsys.readouterr().out
+        assert main(["run", "new/matched.json", "modes", "--json"]) == 0
+        assert json.loads(capsys.readouterr().out)["modes"]["frequency_hz"][0] == pytest.approx(1.85, rel=1e-6)
 
 
 class TestFitDecay:
-    @pytest.mark.parametrize("law", ["linear", "quadratic"])
-    def test_json(self, files, capsys, law):
-        """The fit recovers 3 Hz and 2 % at amplitudes of millimetres; the quadratic law attributes the loss to eta1."""
-        assert main(["fit-decay", "decay.csv", "--law", law, "--json"]) == 0
-        data = json.loads(capsys.readouterr().out)
-        assert data["law"] == law
-        assert data["frequency_hz"] == pytest.approx(3.0, abs=max(4 * data["frequency_stderr_hz"], 1e-3))
-        assert data["damping_ratio"] == pytest.approx(0.02, rel=0.01)
-        assert data["amplitude_m"] == pytest.approx(5e-3, rel=0.01)
-
-    def test_text_gives_values_with_their_standard_errors(self, files, capsys):
-        assert main(["fit-decay", "decay.csv"]) == 0
-        lines = {line.split()[0]: line.split() for line in capsys.readouterr().out.splitlines()}
-        for name, truth in (("frequency", 3.0), ("damping_ratio", 0.02), ("amplitude", 5e-3)):
-            value, sign, error = lines[name][1:4]
-            assert sign == "+-"
-            assert 0.0 < float(error) < 0.01 * truth
-            assert float(value) == pytest.approx(truth, abs=4 * float(error))
-
-    def test_column_by_name(self, files, capsys):
-        record = Measurement.from_file(files / "decay.csv")
-        table = np.column_stack([record.time, 0 * record.time, record.values])
-        np.savetxt(files / "two.csv", table, delimiter=",", header="t,rest,tip", comments="")
-        assert main(["fit-decay", "two.csv", "--column", "tip", "--json"]) == 0
-        assert json.loads(capsys.readouterr().out)["frequency_hz"] == pytest.approx(3.0, rel=1e-3)
-
     @pytest.mark.slow
     def test_the_law_is_chosen_on_request(self, files, capsys):
         assert main(["fit-decay", "decay.csv", "--law", "auto", "--json"]) == 0
@@ -233,30 +124,8 @@ class TestFitDecay:
         ratio, low, high, *_ = map(float, first.split(",")[6:])
         assert low < ratio < high and ratio == pytest.approx(0.02, rel=0.05)
 
-    @pytest.mark.slow
-    def test_plot(self, files):
-        assert main(["fit-decay", "decay.csv", "--plot", "new/fit.png"]) == 0
-        assert (files / "new" / "fit.png").read_bytes().startswith(PNG)
-
-    @real_record
-    def test_measured_release_of_a_silicone_beam(self, capsys):
-        """Motion capture at 100 frames/s (srl-ethz/diffPD_sim2real): 7.77 Hz and 5.5 %."""
-        assert main(["fit-decay", str(RECORD), "--json"]) == 0
-        data = json.loads(capsys.readouterr().out)
-        assert data["frequency_hz"] == pytest.approx(7.77, abs=0.03)
-        assert data["damping_ratio"] == pytest.approx(0.055, abs=0.004)
-        assert 0.0 < data["frequency_stderr_hz"] < 0.06  # the frequency changes by 0.1 Hz within the record
-        assert 0.0 < data["damping_ratio_stderr"] < 0.004
-
 
 class TestSimulate:
-    @pytest.mark.slow
-    def test_json(self, files, capsys):
-        assert main(["run", "study.toml", "simulation", "--json"]) == 0
-        data = json.loads(capsys.readouterr().out)["simulation"]
-        assert 0.0 < data["tip_position_range_m"][0] < 0.05
-        assert data["integrators"] == ["radau"] and data["balance_error_j"] < data["dissipated_energy_j"]
-
     @pytest.mark.slow
     def test_motion_as_csv(self, files, capsys):
         """All digits; the base stays where it first rests after 0.2 s, at three quarters of a period."""
@@ -275,24 +144,6 @@ class TestSimulate:
         assert "<html" in (files / "new" / "motion.html").read_text()
         with Image.open(files / "new" / "figures" / "figure_01.gif") as moving:
             assert moving.n_frames == 21  # 0.4 s in steps of 0.02 s
-
-
-def test_reproduce_is_the_study_of_the_paper(files, capsys, monkeypatch):
-    """The command runs the study, which has its own tests."""
-    calls = {}
-
-    def run(*arguments, **options):
-        calls.update(options, arguments=arguments)
-        raise FitError("no minimum was found")
-
-    monkeypatch.setattr(study_module, "run_study", run)
-    assert main(["reproduce", "--quick", "--jobs", "3", "--out", "study"]) == 1
-    assert calls.pop("arguments") == (PAPER, Path("study"))
-    command = "ancf-casadi reproduce --quick"
-    options = {"steps": (), "quick": True, "jobs": 3, "progress": False, "command": command}
-    assert calls == options
-    assert one_line(capsys) == "ancf-casadi: no minimum was found"
-    assert not (files / "study").exists()
 
 
 def test_version_and_entry_point(capsys):
@@ -315,7 +166,6 @@ def test_the_package_runs_as_a_module():
     ("line", "completions"),
     [
         ("ancf-casadi fit-f", ["fit-frf"]),
-        ("ancf-casadi run --qu", ["--quick"]),
         ("ancf-casadi fit-decay a.csv --frequency-l", ["--frequency-law"]),
         ("ancf-casadi fit-decay --law q", ["quadratic"]),
     ],
@@ -345,9 +195,8 @@ def test_ctrl_c_during_an_import_ends_in_one_line(files, module):
     assert re.fullmatch(r"ancf-casadi: stopped; (nothing was written|finished computations .*)\n", run.stderr)
 
 
-@pytest.mark.parametrize("megabytes", [400, 450, 500])
+@pytest.mark.parametrize("megabytes", [400, 500])
 def test_too_little_memory_for_the_solver_ends_in_one_line(files, megabytes):
-    """The linear algebra of IPOPT tried to allocate its buffers for ever."""
     resource = pytest.importorskip("resource")
     run = subprocess.run(
         [sys.executable, "-m", "problems.cli", "fit-decay", "decay.csv"],
@@ -368,10 +217,9 @@ def test_a_command_draws_where_the_user_names_a_backend_that_does_not_exist(file
 
 @pytest.mark.parametrize(
     ("command", "option"),
-    [("fit-mode", "--frequency-l"), ("run", "--qui"), ("fit-decay", "--mod")],
+    [("fit-mode", "--frequency-l"), ("run", "--qui")],
 )
 def test_an_abbreviated_option_is_refused(command, option, capsys):
-    """``fit-mode --frequency`` was taken for ``--frequency-law``."""
     with pytest.raises(SystemExit) as stopped:
         main([command, "file", option, "2"])
     assert stopped.value.code == 2
@@ -392,24 +240,17 @@ def test_version_and_help_import_none_of_the_large_packages(option):
     assert "ancf-casadi" in run.stdout
 
 
-def test_data_say_which_version_made_them(files, capsys):
+def test_data_have_the_numbers_of_the_step_and_say_which_version_made_them(files, capsys):
+    """Exact frequencies of the hanging beam: Chebyshev collocation."""
     assert main(["run", "beam.toml", "modes", "--json"]) == 0
     data = json.loads(capsys.readouterr().out)
     assert (data["version"], data["study"]["steps"][0]["kind"]) == (__version__, "modes")
+    assert data["modes"]["frequency_hz"][:3] == pytest.approx([1.87613156, 10.57854292, 29.25877251], rel=2e-4)
 
 
 @pytest.mark.parametrize("command", REPLACED)
 def test_a_command_of_an_earlier_version_names_what_took_its_place(files, capsys, command):
     assert f"{command} is now: ancf-casadi {REPLACED[command]}" in refused([command, "beam.toml"], files, capsys)
-
-
-@pytest.mark.parametrize("command", COMMANDS)
-def test_every_command_has_help_and_json(command, capsys):
-    with pytest.raises(SystemExit) as stopped:
-        main([command, "--help"])
-    text = capsys.readouterr().out
-    assert stopped.value.code == 0
-    assert "--json" in text and len(text.splitlines()) <= 60  # one screen
 
 
 def test_the_help_of_studies_names_every_kind(capsys):
@@ -438,38 +279,12 @@ class TestExport:
         assert np.array_equal(found.damping.projection(found.model), law.projection(model))
         assert found.damping.parameters == law.parameters
 
-    @pytest.mark.parametrize("form", ["json", "casadi", "exudyn"])
+    @pytest.mark.parametrize("form", ["json", "exudyn"])
     def test_a_beam_without_damping_is_named(self, files, capsys, form):
         (files / "beam.toml").write_text(edited(BEAM, ("elements = 20", "elements = 2")))
         assert main(["export", "beam.toml", "--format", form, "--out", "beam.out", "--json"]) == 0
         (note,) = json.loads(capsys.readouterr().out)["warnings"]
-        assert (
-            note == "beam.toml has no damping, so that the exported beam swings for ever; add [[damping]] to the file"
-        )
-
-    @pytest.mark.slow
-    def test_a_document_is_a_beam_for_the_other_commands(self, files, capsys):
-        """The same numbers to the last digit as from the TOML file, whose damping travels with it."""
-        assert main(["export", "study.toml", "--format", "json", "--out", "beam.json"]) == 0
-        (files / "part").mkdir()
-        beam = BEAM.partition("[match]")[0]
-        tables = STUDY[STUDY.index("[base]") :]
-        short = edited(tables, *list(SMALL.items())[1:])
-        (files / "part/study.toml").write_text(f'[beam]\ndocument = "../beam.json"\n{short}')
-        (files / "beam.toml").write_text(edited(beam, ("elements = 20", "elements = 4")))
-        (files / "match.toml").write_text('[beam]\ndocument = "beam.json"\n[match]\ntargets = [1.85, 10.19]\n')
-        capsys.readouterr()
-        for commands in (
-            (["run", "beam.toml", "modes"], ["run", "beam.json", "modes"], ["run", "match.toml", "modes"]),
-            (["run", "study.toml", "simulation"], ["run", "part/study.toml", "simulation"]),
-        ):
-            texts = []
-            for command in commands:
-                assert main(command) == 0
-                texts.append(capsys.readouterr().out.split(" steps in ")[0])
-            assert len(set(texts)) == 1
-        assert main(["run", "match.toml", "match", "--json"]) == 0
-        assert json.loads(capsys.readouterr().out)["match"]["matched_hz"] == pytest.approx([1.85, 10.19], rel=1e-6)
+        assert note.startswith("beam.toml has no damping")
 
     @pytest.mark.slow
     def test_an_identification_goes_along_with_the_hash_of_its_data(self, files, capsys):
@@ -487,22 +302,6 @@ class TestExport:
         assert match.result["matched_hz"] == json.loads((files / "match.json").read_text())["matched_hz"]
         digest = hashlib.sha256((files / "decay.csv").read_bytes()).hexdigest()
         assert [(file.name, file.sha256) for file in decay.data] == [("decay.csv", digest)]
-
-    @pytest.mark.slow
-    def test_casadi_and_c(self, files, capsys):
-        (files / "small.toml").write_text(edited(BEAM, ("elements = 20", "elements = 2")))
-        call = ["export", "small.toml", "--markers", "0.25", "--json", "--format"]
-        assert main([*call, "casadi", "--out", "beam.casadi"]) == 0
-        assert json.loads(capsys.readouterr().out)["files"][0]["path"] == "beam.casadi"
-        functions = load_functions("beam.casadi")
-        q, base = [state.value for state in functions.states[:8]], np.zeros(9)
-        assert functions.markers(q, base).full().ravel() == pytest.approx([0.0, -0.25], abs=1e-6)
-        assert main([*call, "c", "--out", "source"]) == 0
-        written = json.loads(capsys.readouterr().out)["files"]
-        assert {file["path"]: file["bytes"] for file in written} == {
-            f"source/{name}": (files / "source" / name).stat().st_size for name in ("beam.c", "beam.h", "main.c")
-        }
-        assert "thickness_2" in (files / "source/beam.h").read_text()
 
     def test_the_reduced_model_as_casadi_and_c(self, files, capsys):
         (files / "small.toml").write_text(edited(BEAM, ("elements = 20", "elements = 2")))
@@ -529,48 +328,27 @@ class TestExport:
         with zipfile.ZipFile("beam.fmu") as archive:
             description = archive.read("modelDescription.xml").decode()
         assert "the point at arc length 0.25 m, y" in description
-        assert main(["export", "small.toml", "--format", "fmu", "--out", "small.fmu", "--reduced", "1"]) == 0
-        with zipfile.ZipFile("small.fmu") as archive:
-            assert "modes kept: 1" in archive.read("modelDescription.xml").decode()
         assert main(["export", "small.toml", "--format", "co-simulation", "--out", "own.fmu", "--reduced", "1"]) == 0
         with zipfile.ZipFile("own.fmu") as archive:
-            assert "<CoSimulation" in archive.read("modelDescription.xml").decode()
+            description = archive.read("modelDescription.xml").decode()
+        assert "<CoSimulation" in description and "modes kept: 1" in description
 
     @pytest.mark.parametrize(
         ("arguments", "what"),
         [
-            (["beam.toml", "--format", "exe", "--out", "x"], "invalid choice: 'exe'"),
-            (["beam.toml", "--format", "json"], "required: --out"),
             (["beam.toml", "--out", "x"], "required: --format"),
-            (["none.toml", "--format", "json", "--out", "x"], "none.toml: cannot be read"),
             (["none.json", "--format", "json", "--out", "x"], "none.json: cannot be read"),
-            (["bad.json", "--format", "json", "--out", "x"], "bad.json: $.format: must be 'ancf-casadi'"),
             (["bad.toml", "--format", "json", "--out", "x"], "bad.json: $.format: must be 'ancf-casadi'"),
-            (["beam.toml", "--format", "json", "--out", "."], ".: is a folder"),
-            (["beam.toml", "--format", "json", "--out", "beam.toml/x"], "beam.toml: is not a folder"),
             (["beam.toml", "--format", "json", "--out", "x", "--markers", "0.1"], "--markers: does not apply to"),
-            (["beam.toml", "--format", "fmu", "--out", "x", "--markers", "0.1;2"], "must be numbers separated by"),
             (["beam.toml", "--format", "fmu", "--out", "x", "--markers", "0.6"], "--markers: point: the point must"),
             (["beam.toml", "--format", "fmu", "--out", "x", "--markers", "nan"], "must be numbers separated by commas"),
-            (
-                ["beam.toml", "--format", "json", "--out", "x", "--identification", "bad.json"],
-                "bad.json: result: is not",
-            ),
-            (
-                ["beam.toml", "--format", "json", "--out", "x", "--identification", "decay.csv"],
-                "decay.csv: is not JSON",
-            ),
+            (["beam.toml", "--format", "json", "--out", "x", "--identification", "bad.json"], "result: is not"),
+            (["beam.toml", "--format", "json", "--out", "x", "--identification", "decay.csv"], "is not JSON"),
             (["beam.toml", "--format", "c", "--out", "beam.toml"], "beam.toml: is not a folder"),
-            (["beam.toml", "--format", "c", "--out", "x", "--markers", "1"], "--markers: point: the point must be on"),
-            (
-                ["beam.toml", "--format", "c", "--out", "x", "--identification", "good.json"],
-                "--identification: does not apply to c;",
-            ),
+            (["beam.toml", "--format", "c", "--out", "x", "--identification", "good.json"], "does not apply to c;"),
             (["beam.toml", "--format", "json", "--out", "x", "--data", "decay.csv"], "--data: there are 1 for 0"),
             (["beam.toml", "--format", "json", "--out", "x", "--reduced", "3"], "--reduced: does not apply to json"),
-            (["beam.toml", "--format", "c", "--out", "x", "--reduced", "0"], "--reduced: must be a whole number above"),
             (["beam.toml", "--format", "fmu", "--out", "x", "--reduced", "99"], "modes: must be a whole number, 1"),
-            (["beam.toml", "--format", "fmu", "--out", "x", "--reduced", "40"], "modes: mode 23 stretches the beam"),
         ],
     )
     def test_refusals(self, files, capsys, arguments, what):
@@ -584,17 +362,6 @@ class TestExport:
         assert "[beam]: document: must be a text, got 3" in refused(["run", "bad.toml", "modes"], files, capsys)
         (files / "bad.toml").write_text('[beam]\ndocument = "a.json"\nlength = 1\n')
         assert "[beam]: unknown key 'length'" in refused(["run", "bad.toml", "modes"], files, capsys)
-
-    def test_a_document_with_other_strain_measures_is_not_matched(self, files, capsys):
-        measures = StrainMeasures(axial="green")
-        write_document("green.json", Document(Model(Beam.from_toml("beam.toml"), measures)))
-        (files / "match.toml").write_text('[beam]\ndocument = "green.json"\n[match]\ntargets = [1.85]\n')
-        assert "strain measures" in refused(["run", "match.toml", "match"], files, capsys)
-
-    def test_an_fmu_without_fmpy(self, files, capsys, monkeypatch):
-        monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
-        call = ["export", "beam.toml", "--format", "fmu", "--out", "beam.fmu"]
-        assert "is not installed, but an FMU needs its FMI headers" in refused(call, files, capsys)
 
 
 def refused(arguments: list[str], files: Path, capsys) -> str:
@@ -612,12 +379,10 @@ def refused(arguments: list[str], files: Path, capsys) -> str:
 @pytest.mark.parametrize(
     ("arguments", "what"),
     [
-        (["run", "beam.toml", "--out", "beam.toml"], "beam.toml: is not a folder"),
         (["fit-decay", "decay.csv", "--curve", "./decay.csv"], "decay.csv: is an input, which would be lost"),
         (["export", "beam.toml", "--format", "json", "--out", "beam.toml"], "beam.toml: is an input"),
         (["fit-decay", "decay.csv", "--curve", "x.png", "--plot", "./x.png"], "x.png: is named for two outputs;"),
         (["fit-decay", "decay.csv", "--curve", "pipe"], "pipe: is a device or a pipe; name a file"),
-        (["run", "absent.json", "modes"], "absent.json: cannot be read"),
         (["run", "large.toml", "modes"], "large.toml: is larger than 64 MiB"),
     ],
 )
@@ -638,17 +403,8 @@ class TestUnusableInput:
         ("old", "new", "what"),
         [
             ("thickness = 0.5e-3", "", "[beam]: the key 'thickness' is missing"),
-            ("elements = 20", "elements = 20\ncolour = 1", "[beam]: unknown key 'colour'; known are attachments,"),
             ("[match]", "[mach]", "unknown key 'mach'; known are base, beam, candidates, curves, damping, decays,"),
-            ("[beam]", "[bean]", "unknown key 'bean'; known are base, beam"),
-            ("thickness = 0.5e-3", "thickness = -0.5e-3", "[beam]: thickness: must be positive, got -0.0005"),
             ("density = 8000.0", "density = nan", "[beam]: density: must be a finite number, got nan"),
-            ("density = 8000.0", "density = 'steel'", "[beam]: density: must be a number or a list, got 'steel'"),
-            ("width = 5e-3", "width = [5e-3, 4e-3]", "[beam]: width: has 2 values for 20 elements"),
-            ("elements = 20", "elements = 1", "[beam]: elements: must be a whole number, 2 to 10000, got 1"),
-            ("elements = 20", "elements = 2.5", "[beam]: elements: must be a whole number, 2 to 10000, got 2.5"),
-            ("axis = [0.0, -1.0]", "axis = [0, 0]", "[beam]: axis: must not be the zero vector"),
-            ("gravity = [0.0, -9.81]", "gravity = 9.81", "[beam]: gravity: must be a pair of numbers (x, y), got 9.81"),
             ("length = 0.5 ", "length = = 0.5 ", "is not TOML (Invalid value (at line 4, column 10))"),
         ],
     )
@@ -657,90 +413,14 @@ class TestUnusableInput:
         assert refused(["run", "beam.toml", "modes"], files, capsys).startswith(f"ancf-casadi: beam.toml: {what}")
 
     @pytest.mark.parametrize(
-        ("old", "new", "what"),
-        [
-            ("1.85, 10.19", "1.85, -10.19", "targets: 2: must be positive, got -10.19"),
-            ("[1.85", f"[{', '.join(str(0.01 * k) for k in range(1, 40))}, 1.85", "targets: 44 modes are more than"),
-            ("bounds = 0.10", "bounds = 0", "bounds: must be positive, got 0"),
-            ("bounds = 0.10", "bounds = 1.5", "bounds: must be above 0 and at most 1, got 1.5"),
-        ],
-    )
-    def test_match(self, files, capsys, old, new, what):
-        (files / "beam.toml").write_text(edited(BEAM, (old, new)))
-        assert what in refused(["run", "beam.toml", "match"], files, capsys)
-
-    def test_match_without_its_table(self, files, capsys):
-        (files / "beam.toml").write_text(BEAM.partition("[match]")[0])
-        line = refused(["run", "beam.toml", "match"], files, capsys)
-        assert line == "ancf-casadi: beam.toml: [match]: the table is missing; run --keys lists its keys"
-
-    @pytest.mark.parametrize(
-        ("old", "new", "what"),
-        [
-            ("ratios = [0.0050,", "ratios = [-0.1,", "[damping]: ratios: 1: must not be negative, got -0.1"),
-            ("ratios = [0.0050,", f"ratios = [{'0.01, ' * 16}", "[damping]: ratios: has 20 values for 16 modes"),
-            ("ratios = [0.0050,", "rations = [0.0050,", "[damping]: unknown key 'rations'; known are freq"),
-            (
-                '"quadratic"',
-                '"cubic"',
-                "[damping]: law: must be one of rayleigh, quadratic, friction, viscoelastic, modal, sum,",
-            ),
-            ("frequency = 1.876", "frequency = 0", "[base]: frequency: must be positive, got 0"),
-            ("stop = 0.2 ", "stop_at = 'once'\nstop = 'late' ", "[base]: stop: must be a number, got 'late'"),
-            ("duration = 0.4", "duration = 0", "[simulation]: duration: must be positive, got 0"),
-            ("duration = 0.4", "length = 0.4", "[simulation]: unknown key 'length'; known are duration"),
-            ("sample_rate = 500.0", "sample_rate = -1", "[simulation]: sample_rate: must be positive, got -1"),
-            ("sample_rate = 500.0", 'start = "running"\nsample_rate = 500.0', "[simulation]: start: must be one of"),
-        ],
-    )
-    def test_simulate(self, files, capsys, old, new, what):
-        (files / "study.toml").write_text(edited((files / "study.toml").read_text(), (old, new)))
-        line = refused(["run", "study.toml", "simulation", "--out", "new"], files, capsys)
-        assert line.startswith(f"ancf-casadi: study.toml: {what}")
-
-    @pytest.mark.parametrize(
-        ("content", "what"),
-        [
-            ("t,x\n0,1\n0.1,abc\n", "a.csv: column 2 'x': line 3: 'abc' is not a finite number"),
-            ("t,x\n0,1\n0.1,nan\n", "a.csv: column 2 'x': time: needs at least 2 samples, got 1"),
-            ("t,x\n0,1\n0.1\n", "a.csv, line 3: has 1 column where the table has 2"),
-            ("t,x\n0,1\n0,2\n", "a.csv, line 3: the time 0 s repeats that of line 2"),
-            ("t,x,y\n0,1,2\n1,2,3\n", "a.csv: has 2 columns of values, 2 'x', 3 'y'; choose with --column"),
-            ("", "a.csv: is empty"),
-            ("# a note", "a.csv: has no rows"),
-            (b"\x00\xff\xfe", "a.csv: is not text, and no other format that is known"),
-            ("".join(f"{0.01 * k},1\n" for k in range(300)), "a.csv: record: is constant, nothing oscillates"),
-            ("t,x\n" + "".join(f"{0.01 * k},{k}\n" for k in range(300)), "a.csv: record: is a straight line,"),
-        ],
-    )
-    def test_record(self, files, capsys, content, what):
-        (files / "a.csv").write_bytes(content if isinstance(content, bytes) else content.encode())
-        line = refused(["fit-decay", "a.csv", "--plot", "fit.png"], files, capsys)
-        assert line.startswith(f"ancf-casadi: {what}")
-
-    def test_record_of_noise(self, files, capsys):
-        noise = np.random.default_rng(1).standard_normal(500)
-        (files / "a.csv").write_text("".join(f"{0.01 * k},{y}\n" for k, y in enumerate(noise)))
-        assert "nothing oscillates" in refused(["fit-decay", "a.csv"], files, capsys)
-
-    @pytest.mark.parametrize(
         ("arguments", "what"),
         [
-            (["fit-decay", "decay.csv", "--modes", "0"], "--modes: must be a whole number above 0, got '0'"),
             (["run", "absent.toml"], "absent.toml: cannot be read (No such file or directory)"),
             (["run", "."], ".: cannot be read (Is a directory)"),
-            (["run", "beam.toml/below"], "beam.toml/below: cannot be read (Not a directory)"),
             (["run"], "the following arguments are required: STUDY.toml"),
             (["run", "beam.toml", "fly"], "there is no step 'fly'; steps are beam, modes, match, fit, compare"),
-            (["fit-decay", "absent.csv"], "absent.csv: cannot be read"),
-            (["fit-decay", "decay.csv", "--law", "cubic"], "argument --law: invalid choice: 'cubic'"),
-            (["fit-decay", "decay.csv", "--column", "x"], "decay.csv: --column 'x': there is no such column; there"),
             (["fit-decay", "decay.csv", "--curve", "."], ".: is a folder"),
-            (["fit-decay", "decay.csv", "--plot", "beam.toml/fit.png"], "beam.toml: is not a folder"),
-            (["run", "beam.toml", "simulation"], "beam.toml: [simulation]: the table is missing"),
             (["run", "study.toml", "--out", "beam.toml/new"], "beam.toml: is not a folder"),
-            (["reproduce", "--quick", "--out", "beam.toml"], "beam.toml: is not a folder"),
-            (["reproduce", "--quick", "--out", "beam.toml/new/folder"], "beam.toml: is not a folder"),
             (["reproduce", "--jobs", "0"], "argument --jobs: must be a whole number above 0, got '0'"),
             (["reproduce", "--fast"], "ancf-casadi reproduce: unrecognized arguments: --fast"),
             (["fly"], "argument COMMAND: invalid choice: 'fly'"),
@@ -756,23 +436,7 @@ class TestUnusableInput:
 class TestFailure:
     """Exit code 1, and one line that says what to try."""
 
-    def test_a_beam_that_cannot_stand(self, files, capsys):
-        pendulum = edited(BEAM, ("axis = [0.0, -1.0]", 'axis = [0.0, 1.0]\nsupports = [{kind = "pin", point = 0.0}]'))
-        (files / "beam.toml").write_text(pendulum)
-        assert main(["run", "beam.toml", "modes"]) == 1
-        assert "turn it to where it hangs" in one_line(capsys)
-
-    def test_a_beam_too_slender_to_stand_vibrates_about_its_bent_shape(self, files, capsys):
-        slender = edited(
-            BEAM, ("axis = [0.0, -1.0]", "axis = [0.0, 1.0]"), ("thickness = 0.5e-3", "thickness = 0.2e-3")
-        )
-        (files / "beam.toml").write_text(slender)
-        assert main(["run", "beam.toml", "modes", "--json"]) == 0
-        x, y = json.loads(capsys.readouterr().out)["modes"]["equilibrium_tip_m"]
-        assert x > 0.2 and y < 0.1  # of 0.5 m
-
     def test_a_match_that_is_half_off(self, files, capsys):
-        """98 % off once ended with exit code 0."""
         far = "targets = [100.0, 900.0]  # "
         (files / "beam.toml").write_text(edited(BEAM, ("targets = ", far), ("bounds = 0.10", "bounds = 0.01")))
         assert main(["run", "beam.toml", "match"]) == 1
@@ -785,15 +449,6 @@ class TestFailure:
         monkeypatch.setattr(beam_kinds, "match_frequencies", fails)
         assert main(["run", "beam.toml", "match", "--json"]) == 1
         assert one_line(capsys) == "ancf-casadi: match: no minimum was found; start elsewhere"
-
-    def test_a_simulation_that_fails_writes_nothing(self, files, capsys, monkeypatch):
-        def fails(*_, **__):
-            raise SimulationError("the integrator could not go on: try a larger tolerance", 0.1)
-
-        monkeypatch.setattr(motion_tables, "simulate", fails)
-        assert main(["run", "study.toml", "simulation", "--out", "new"]) == 1
-        assert one_line(capsys).endswith("try a larger tolerance")
-        assert not (files / "new").exists()
 
     def test_an_integrator_that_fails(self, files, capsys):
         """No step can meet a tolerance below rounding; the bar before the line is progress, not the message."""
@@ -830,44 +485,27 @@ def full_disk(monkeypatch):
 class TestFullDisk:
     """A result that took long to compute is printed even if it cannot be written."""
 
-    COMMANDS = (
-        ["fit-decay", "decay.csv", "--curve", "curve.csv"],
-        ["fit-decay", "decay.csv", "--plot", "decay.png"],
-    )
-
     @pytest.mark.slow
-    @pytest.mark.parametrize(
-        ("command", "form"),  # a file and a figure of each command, a form each
-        [(command, [["--json"], []][k % 2]) for k, command in enumerate(COMMANDS)],
-        ids=lambda words: "".join(words[::2]),
-    )
-    def test_the_result_is_printed_first(self, files, capsys, full_disk, command, form):
-        assert main([*command[:2], *form]) == 0
+    @pytest.mark.parametrize(("output", "form"), [(["--curve", "curve.csv"], ["--json"]), (["--plot", "fit.png"], [])])
+    def test_the_result_is_printed_first(self, files, capsys, full_disk, output, form):
+        assert main(["fit-decay", "decay.csv", *form]) == 0
         expected = capsys.readouterr().out
         before = sorted(files.iterdir())
-        assert main([*command, *form]) == 2
+        assert main(["fit-decay", "decay.csv", *output, *form]) == 2
         captured = capsys.readouterr()
         assert without_times(captured.out) == without_times(expected)
         (line,) = [line for line in captured.err.splitlines() if line.startswith("ancf-casadi: ")]
-        assert line == f"ancf-casadi: {command[-1]}: cannot be written (No space left on device)"
+        assert line == f"ancf-casadi: {output[-1]}: cannot be written (No space left on device)"
         assert sorted(files.iterdir()) == before
 
     @pytest.mark.slow
-    @pytest.mark.parametrize("form", [[], ["--json"]])
-    def test_study(self, files, capsys, full_disk, form):
+    def test_study(self, files, capsys, full_disk):
         """A study cannot keep its first result, and says so."""
-        assert main(["run", "beam.toml", "--jobs", "1", "--out", "new", *form]) == 2
+        assert main(["run", "beam.toml", "--jobs", "1", "--out", "new"]) == 2
         assert re.fullmatch(
             r"ancf-casadi: new/steps/\w+\.msgpack: cannot be written \(No space left on device\)", one_line(capsys)
         )
         assert not list((files / "new").rglob("*.*"))
-
-    @pytest.mark.slow
-    def test_export_leaves_nothing(self, files, capsys, full_disk):
-        before = sorted(files.iterdir())
-        assert main(["export", "beam.toml", "--format", "c", "--out", "c"]) == 2
-        assert one_line(capsys) == "ancf-casadi: c/beam.c: cannot be written (No space left on device)"
-        assert [path for path in files.rglob("*") if path.is_file() and path not in before] == []
 
     @pytest.mark.slow
     def test_a_limit_of_the_system(self, files):
@@ -903,13 +541,12 @@ def without_times(text: str) -> str:
 class TestInterrupted:
     """Exit code 128 and the number of the signal, one line, nothing written."""
 
-    @pytest.mark.parametrize("step", ["modes", "match", "simulation", ""])
+    @pytest.mark.parametrize("step", ["modes", "simulation", ""])
     def test_anywhere(self, files, capsys, monkeypatch, step):
         def stopped(*_, **__):
             raise KeyboardInterrupt
 
-        called = {"natural_modes": beam_kinds, "match_frequencies": beam_kinds, "simulate": motion_tables,
-                  "fit_or_compare": fit_decay_command}  # fmt: skip
+        called = {"natural_modes": beam_kinds, "simulate": motion_tables, "fit_or_compare": fit_decay_command}
         for name, module in called.items():
             monkeypatch.setattr(module, name, stopped)
         file = {"simulation": "study.toml"}.get(step, "beam.toml")
@@ -928,15 +565,6 @@ class TestInterrupted:
         assert main(["export", "beam.toml", "--format", "fmu", "--out", "new/beam.fmu"]) == 130
         assert capsys.readouterr().err.endswith("ancf-casadi: stopped; nothing was written\n")
         assert (sorted(files.iterdir()), Path.cwd()) == (before, files)
-
-    def test_study(self, files, capsys, monkeypatch):
-        def stopped(*_, **__):
-            raise KeyboardInterrupt
-
-        monkeypatch.setattr(computing, "run_function", stopped)
-        assert main(["reproduce", "--jobs", "1", "--out", "study"]) == 130
-        assert one_line(capsys) == f"ancf-casadi: stopped; {KEPT}"
-        assert not (files / "study").exists()
 
     @pytest.mark.parametrize("error", [FitError("NonIpopt_Exception_Thrown"), NotImplementedError("Wrong number")])
     def test_taken_for_a_failure_by_casadi(self, files, capsys, monkeypatch, error):
@@ -967,7 +595,7 @@ class TestInterrupted:
         assert sorted(files.iterdir()) == before
 
     @pytest.mark.slow
-    @pytest.mark.parametrize(("delay", "ending"), [(0.0, signal.SIGINT), (0.3, signal.SIGINT), (0.1, signal.SIGTERM)])
+    @pytest.mark.parametrize(("delay", "ending"), [(0.3, signal.SIGINT), (0.1, signal.SIGTERM)])
     def test_in_the_midst_of_a_simulation(self, files, delay, ending):
         """A real signal once the integrator is at work, which notices it in one of several ways."""
         (files / "study.toml").write_text(edited(STUDY, ("duration = 8.0 ", "duration = 200.0 ")))
@@ -1005,9 +633,7 @@ class TestInterrupted:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    "arguments", [["run", "beam.toml", "modes"], ["run", "beam.toml", "match", "--json"], ["--help"]]
-)
+@pytest.mark.parametrize("arguments", [["run", "beam.toml", "modes"], ["--help"]])
 def test_a_reader_that_has_left_is_no_error(files, arguments):
     """As in ``ancf-casadi run beam.toml modes | true``."""
     reader, writer = os.pipe()
@@ -1054,8 +680,7 @@ def test_a_study_that_is_interrupted_leaves_no_processes(files, ending, send):
             raise
     assert process.returncode == 128 + ending
     assert output == b""
-    assert errors.decode().splitlines()[-1] == f"ancf-casadi: stopped; {KEPT}"
-    assert b"Traceback" not in errors
+    assert errors.decode() == f"ancf-casadi: stopped; {KEPT}\n"
     assert [path.name for path in (files / "study").iterdir()] == ["steps"]  # finished steps are kept
     left, deadline = True, time.monotonic() + 10.0
     while left and time.monotonic() < deadline:

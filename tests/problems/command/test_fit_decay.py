@@ -1,13 +1,9 @@
 """``fit-decay``: modes, bands, several records, parts of a record, and what is refused."""
 
-import io
 import json
-import sys
 
 import numpy as np
 import pytest
-
-from ancf_casadi.support import progress
 
 SLOW, FAST = (3.0, 0.02, 5e-3), (19.0, 0.01, 8e-3)
 
@@ -19,21 +15,6 @@ def near(data, name, truth):
 
 
 class TestModes:
-    @pytest.mark.slow
-    def test_both_modes_of_a_record_are_found(self, run, decay):
-        decay("two.csv", SLOW, FAST)
-        slow, fast = json.loads(run("fit-decay", "two.csv", "--modes", "2", "--json").out)["modes"]
-        for found, (frequency, ratio, _) in ((slow, SLOW), (fast, FAST)):
-            assert near(found, "frequency", frequency) and near(found, "damping_ratio", ratio)
-
-    @pytest.mark.slow
-    def test_without_a_count_the_modes_of_the_record_are_found(self, run, decay):
-        decay("three.csv", SLOW, FAST, (50.0, 0.01, 1e-3))
-        done = run("fit-decay", "three.csv", "--modes", "--json")
-        modes = json.loads(done.out)["modes"]
-        assert [mode["frequency_hz"] for mode in modes] == [pytest.approx(f, rel=1e-3) for f in (3.0, 19.0, 50.0)]
-        assert not any(mode["warnings"] for mode in modes)
-
     @pytest.mark.slow
     def test_an_acceleration_has_its_own_unit(self, run, tmp_path):
         time = np.arange(0.0, 5.0, 0.002)
@@ -57,8 +38,9 @@ class TestModes:
 
 class TestBand:
     @pytest.mark.slow
-    @pytest.mark.parametrize(("band", "mode", "other"), [("2,4", SLOW, FAST), ("10,30", FAST, SLOW)])
-    @pytest.mark.parametrize("law", ["linear", "quadratic"])
+    @pytest.mark.parametrize(
+        ("band", "mode", "other", "law"), [("2,4", SLOW, FAST, "linear"), ("10,30", FAST, SLOW, "quadratic")]
+    )
     def test_the_other_mode_is_subtracted(self, run, decay, band, mode, other, law):
         decay("two.csv", SLOW, FAST)
         data = json.loads(run("fit-decay", "two.csv", "--band", band, "--law", law, "--json").out)
@@ -131,37 +113,10 @@ def test_units_and_columns_are_given_by_options(run, tmp_path):
     assert data["amplitude_m"] == pytest.approx(1e-3, rel=0.01)
 
 
-def test_a_unit_at_the_end_of_a_name_is_read_or_refused(run, tmp_path):
-    """A column ``acc_m_s2`` holds no metres."""
-    time = np.arange(0.0, 5.0, 0.01)
-    swing = np.exp(-0.3 * time) * np.cos(19.0 * time)
-    for name, what in (("acc_m_s2", ""), ("jerk_m_s3", "the unit 'm_s3' is not understood")):
-        np.savetxt(tmp_path / "a.csv", np.column_stack([time, swing]), delimiter=",", header=f"t,{name}", comments="")
-        done = run("fit-decay", "a.csv", "--json")
-        if what:
-            assert done.code == 2 and what in done.err
-        else:
-            assert json.loads(done.out)["amplitude_m"] == pytest.approx(1.0 / (19.0**2 + 0.3**2), rel=1e-3)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("options", [(), ("--modes",)])
-def test_each_step_of_a_fit_is_shown_on_a_terminal(run, decay, monkeypatch, options):
-    """Solutions and their iterations; the output is the same."""
-
-    class Terminal(io.StringIO):
-        def isatty(self) -> bool:
-            return True
-
-    decay("two.csv", SLOW, FAST)
-    silent = run("fit-decay", "two.csv", *options)
-    terminal, counted = Terminal(), []
-    monkeypatch.setattr(sys, "stderr", terminal)
-    monkeypatch.setattr(progress, "BAR_DELAY", 0.0)
-    monkeypatch.setattr(progress.tqdm, "update", lambda bar, n=1: counted.append(n))
-    assert run("fit-decay", "two.csv", *options).out == silent.out
-    assert "fit-decay: 0 steps" in terminal.getvalue()
-    assert counted.count(1) > 3
+def test_a_record_that_does_not_oscillate_is_refused(run, tmp_path):
+    (tmp_path / "a.csv").write_text("t,x\n" + "".join(f"{0.01 * k},{k}\n" for k in range(300)))
+    done = run("fit-decay", "a.csv", "--plot", "fit.png")
+    assert done.code == 2 and done.err.startswith("ancf-casadi: a.csv: record: is a straight line,")
 
 
 def test_a_curve_without_windows_has_the_law(run, decay, tmp_path, monkeypatch):
@@ -185,20 +140,13 @@ def test_a_curve_without_windows_has_the_law(run, decay, tmp_path, monkeypatch):
     [
         ([*"a.csv a.csv".split(), "--law", "auto"], "--law auto: compares sums of squares on one record"),
         (["a.csv", "--law", "auto", "--robust"], "it does not go with --robust"),
-        (["a.csv", "--band", "1"], "--band: must be two frequencies LOW,HIGH"),
         (["a.csv", "--band", "4,2"], "a.csv: band: must be in order, got 4, 2 Hz"),
-        (["a.csv", "--band", "a,b"], "argument --band: must be numbers separated by commas, got 'a,b'"),
         (["a.csv", "--modes", "2", "--robust"], "--modes: fits modes with linear damping to one record; it does"),
         (["a.csv", "--modes", "0"], "argument --modes: must be a whole number above 0"),
         (["a.csv", "--release-time", "1,2"], "--release-time: has 2 times for 1 files"),
         (["a.csv", "--begin", "9"], "a.csv: --begin, --end: cut: from 9 to 4.998 s there are 0 samples"),
-        (["a.csv", "--begin", "nan"], "argument --begin: must be a number, got 'nan'"),
         (["a.csv", "--sample-rate", "fast"], "argument --sample-rate: must be a number, got 'fast'"),
         (["a.csv", "--plot", "a.jpg"], "argument --plot: must end in .png, .svg or .pdf, got 'a.jpg'"),
-        (["a.csv", "--plot", "plot"], "argument --plot: must end in .png, .svg or .pdf, got 'plot'"),
-        (["a.csv", "--sensor", "smell"], "argument --sensor: invalid choice: 'smell'"),
-        (["a.csv", "--column", "7"], "a.csv: "),
-        ([], "the following arguments are required: FILE"),
     ],
 )
 def test_misuse_is_one_line(run, decay, tmp_path, options, what):
@@ -214,10 +162,9 @@ class TestDecimate:
     """The option gives the estimates of the same part of the record, whose release it does not smooth."""
 
     @pytest.mark.slow
-    @pytest.mark.parametrize("hold", [0.0, 1.0])
-    def test_the_estimates_are_the_same(self, run, tmp_path, hold):
+    def test_the_estimates_are_the_same(self, run, tmp_path):
         time = np.arange(8000) / 500.0
-        free = np.maximum(time - hold, 0.0)
+        free = np.maximum(time - 1.0, 0.0)
         motion = (
             10.0 * np.exp(-0.2 * free) * np.cos(25.0 * free) + np.random.default_rng(0).normal(size=time.size) * 1e-2
         )
@@ -225,7 +172,7 @@ class TestDecimate:
         np.savetxt(tmp_path / "a.csv", table, delimiter=",", header="t_s,x_mm", comments="")
         data = json.loads(run("fit-decay", "a.csv", "--decimate", "5", "--json").out)
         begin = data["release_time_s"]
-        assert begin == pytest.approx(hold + 13 * 5 / 500.0, abs=0.02)
+        assert begin == pytest.approx(1.0 + 13 * 5 / 500.0, abs=0.02)
         same = json.loads(run("fit-decay", "a.csv", "--begin", f"{begin}", "--end", f"{time[-66]}", "--json").out)
         assert data["samples"] < same["samples"] / 4
         for one, other in zip(data["estimates"], same["estimates"], strict=True):
@@ -236,7 +183,6 @@ class TestDecimate:
     @pytest.mark.parametrize(
         ("options", "message"),
         [
-            (["--decimate", "0"], "must be a whole number above 0"),
             (["--decimate", "1000"], "--decimate: factor: 2500 samples are too few"),
             (["--decimate", "2", "--release-time", "1"], "--release-time: the record begins after the release"),
         ],

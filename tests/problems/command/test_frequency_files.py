@@ -55,12 +55,9 @@ class TestFitFrf:
     @pytest.mark.parametrize(
         ("options", "message"),
         [
-            (["--kind", "mobility"], "the values are in units of mobility and receptance"),
             (["--unit", "mm"], "h.csv: column 2 'tip (mm/N)': the unit 'mm' is none of such a function"),
             (["--column", "3"], "h.csv: column 3 'phase (deg)': has amplitudes only"),
-            (["--band", "5"], "--band: must be two frequencies LOW,HIGH"),
             (["--frequencies", "90"], "h.csv: frequencies: 90 Hz is outside the band"),
-            (["--modes", "0"], "must be a whole number above 0"),
         ],
     )
     def test_unusable_arguments_are_refused_in_one_line(self, run, functions, options, message):
@@ -129,13 +126,8 @@ class TestHits:
         ("options", "message"),
         [
             (["--force", "2"], "--response: is needed beside --force"),
-            (["--response", "3"], "--response: belongs to records over time; it does not go with functions over fre"),
-            (
-                ["--force", "2", "--response", "3", "--phase", "3"],
-                "--force: reads records over time; it does not go with --phase",
-            ),
+            (["--force", "2", "--response", "3", "--phase", "3"], "it does not go with --phase"),
             (["--force", "2", "--response", "3", "--unit", "g"], "--unit: must be units of response and force"),
-            (["--force", "2", "--response", "9"], "there is no such column"),
             (["--force", "2", "--response", "3", "--window", "hann"], "window: belongs to a shaker"),
         ],
     )
@@ -190,11 +182,8 @@ class TestFitResponse:
     @pytest.mark.parametrize(
         ("keys", "message"),
         [
-            ("file = 'absent.csv'", "absent.csv: cannot be read"),
-            ("file = 'beam.toml'", "beam.toml: "),
             ("file = 'c.csv'\nlevel = 'tip (mm)'", "has no column of amplitudes"),
             ("file = 'c.csv'\nunit = 'furlong'", "unit: 'furlong' is not a known unit"),
-            ("file = 'c.csv'\nsensor = 'velocity'", "is in mm, a unit of length, but the sensor measures velocity"),
             ("file = 'c.csv'\nsweep = 'down'", "frequencies: must decrease in a sweep down"),
         ],
     )

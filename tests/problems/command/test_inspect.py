@@ -63,14 +63,6 @@ def test_the_record_is_cut_and_refused_as_by_fit_decay(record, capsys):
     assert main(["fit-decay", noise]) == 2
 
 
-@pytest.mark.slow
-def test_a_formula_in_the_names_of_file_and_column_is_drawn_as_text(record, tmp_path, capsys):
-    """Matplotlib once tried to set it, and failed."""
-    name = record(head=r"Time (ms);$\undefined$ [mm]", name=r"$\undefined$.csv")
-    assert main(["inspect", name, "--plot", "plot.svg"]) == 0
-    assert (tmp_path / "plot.svg").read_text(encoding="utf-8").count(r"$\undefined$") >= 2
-
-
 def test_missing_samples_are_reported_with_the_longest_gap(record, capsys):
     keep = (TIME < 2.0) | (TIME > 2.1)
     keep[77] = False
@@ -125,10 +117,9 @@ def test_a_unit_that_is_not_understood_is_marked_and_asked_for(record, capsys):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("suffix", [".png", ".pdf"])
-def test_the_figure_is_written(record, tmp_path, suffix):
-    assert main(["inspect", record(), "--plot", f"new/figure{suffix}"]) == 0
-    assert (tmp_path / "new" / f"figure{suffix}").stat().st_size > 5000
+def test_the_figure_is_written(record, tmp_path):
+    assert main(["inspect", record(), "--plot", "new/figure.png"]) == 0
+    assert (tmp_path / "new" / "figure.png").stat().st_size > 5000
 
 
 @pytest.mark.parametrize(

@@ -6,6 +6,8 @@ from pathlib import Path
 
 import pytest
 
+from ancf_casadi.export import read_document
+
 DATA = Path(__file__).parents[4] / "shared" / "data" / "silicone_beam"
 SHORT = {"duration = 2.0 ": "duration = 0.5 ", "stop = 1.0 ": "stop = 0.2 ", "elements = 8": "elements = 4"}
 SILICONE = """
@@ -69,6 +71,15 @@ def test_the_file_of_init_is_a_study(run, tmp_path):
     steps = [step["name"] for step in results["study"]["steps"]]
     assert steps == ["motion", "beam", "modes", "match", "simulation", "response"]
     assert results["match"]["matched_hz"] == pytest.approx([1.85, 10.19, 26.84], rel=1e-6)
+    estimates = {estimate["name"]: estimate for estimate in results["motion"]["fit"]["estimates"]}
+    assert estimates.keys() == {"ratio1", "ratio2", "eta2"}
+    for name, truth in (("ratio1", 0.005), ("ratio2", 0.003), ("eta2", 0.11)):
+        assert estimates[name]["value"] == pytest.approx(truth, rel=0.01)
+        low, high = estimates[name]["interval_95"]
+        assert low < truth < high
+    document = read_document(tmp_path / "results/identified.json")
+    assert document.identifications[0].kind == "beam"
+    assert document.damping.parameters[0].value == pytest.approx(estimates["ratio1"]["value"])
     assert "A hanging strip of spring steel" in (tmp_path / "results" / "report.html").read_text()
 
 

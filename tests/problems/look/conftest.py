@@ -52,6 +52,19 @@ def page(browser):
     page.context.close()
 
 
+@pytest.fixture
+def opened(look, page):
+    """A function that opens the page of files and waits for a text; it returns the process and the address."""
+
+    def open_page(*files, text):
+        process, url = look(*files)
+        page.goto(url)
+        wait_for(page, text)
+        return process, url
+
+    return open_page
+
+
 def wait_for(page, text):
     page.wait_for_function("text => document.body.innerText.includes(text)", arg=text, timeout=30_000)
 

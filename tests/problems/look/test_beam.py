@@ -131,10 +131,8 @@ class TestInABrowser:
             fill(page, label, before)
             page.wait_for_function("text => !document.body.innerText.includes(text)", arg=message)
 
-    def test_a_slider_changes_the_guess_and_the_computed_motion(self, look, page, study):
-        _, url = look(study(0.1))
-        page.goto(url)
-        wait_for(page, "alpha 0.3 1/s")
+    def test_a_slider_changes_the_guess_and_the_computed_motion(self, opened, page, study):
+        opened(study(0.1), text="alpha 0.3 1/s")
         wait_until_idle(page)
         box = page.locator(".q-slider").bounding_box()
         page.mouse.click(box["x"] + 0.6 * box["width"], box["y"] + box["height"] / 2)
@@ -144,10 +142,8 @@ class TestInABrowser:
         assert alpha == pytest.approx(0.3 * 10**0.2, rel=0.02)  # the slider spans a decade to either side
         assert page.get_by_label("alpha", exact=True).input_value() == str(alpha)
 
-    def test_a_fit_stops_and_the_page_stays_usable(self, look, page, study):
-        process, url = look(study(3.0, SLOW))
-        page.goto(url)
-        wait_for(page, "alpha 0.3 1/s")
+    def test_a_fit_stops_and_the_page_stays_usable(self, opened, page, study):
+        process, _ = opened(study(3.0, SLOW), text="alpha 0.3 1/s")
         for _ in range(2):
             page.get_by_role("button", name="fit", exact=True).click()
             page.wait_for_function(r"/fit: [1-9]\d* steps/.test(document.body.innerText)")
@@ -187,10 +183,8 @@ class TestInABrowser:
         wait_for(page, "alpha 0.4 1/s")
         assert shown_study(page) == tomllib.loads(saved.read_text())
 
-    def test_the_text_of_the_study_and_the_form_change_each_other(self, look, page, study):
-        _, url = look(study(0.1))
-        page.goto(url)
-        wait_for(page, "alpha 0.3 1/s")
+    def test_the_text_of_the_study_and_the_form_change_each_other(self, opened, page, study):
+        opened(study(0.1), text="alpha 0.3 1/s")
         text = page.locator("textarea").last
         text.fill(study_text(page).replace("alpha = 0.3 ", "alpha = 0.4 ") + "\n[fit]\nrobust = true\n")
         text.press("Tab")
@@ -203,13 +197,11 @@ class TestInABrowser:
         text.press("Tab")
         wait_for(page, "is not TOML")
 
-    def test_all_steps_of_a_study_run_with_predictions_and_a_plan(self, look, page, study, tmp_path):
+    def test_all_steps_of_a_study_run_with_predictions_and_a_plan(self, opened, page, study, tmp_path):
         record = STUDY[STUDY.index("[[records]]") :]
         plan = '[[candidates]]\nname = "longer"\nduration = 2.0\nsample_rate = 50.0\nchannels = [{std = 1e-4}]\n'
         path = study(1.0, record.replace("[[records]]", "[[predictions]]\nname = 'the same again'") + plan)
-        _, url = look(path)
-        page.goto(url)
-        wait_for(page, "alpha 0.3 1/s")
+        _, url = opened(path, text="alpha 0.3 1/s")
         wait_until_idle(page)
         page.get_by_role("button", name="run all steps").click()
         document = page.frame_locator("iframe")
@@ -221,25 +213,21 @@ class TestInABrowser:
         assert all(words in text for words in ("the same again", "list within the budget 4"))
         assert page.hosts == {urllib.parse.urlsplit(url).netloc}
 
-    def test_a_record_that_is_missing_is_simulated_first(self, look, page, tmp_path):
+    def test_a_record_that_is_missing_is_simulated_first(self, opened, page, tmp_path):
         path, simulation = tmp_path / "study.toml", "[simulation]\nduration = 0.5\nsample_rate = 50.0\n"
         record = (
             '[[records]]\nfile = "out/motion.csv"\nsensor = "position"\ndirection = [1.0, 0.0]\ncolumn = "tip_x_m"\n'
         )
         path.write_text(STUDY[: STUDY.index("[[records]]")] + simulation + record)
-        _, url = look(path)
-        page.goto(url)
-        wait_for(page, "does not exist; if it is to hold the motion of [simulation]")
+        opened(path, text="does not exist; if it is to hold the motion of [simulation]")
         assert not page.get_by_role("button", name="fit", exact=True).is_visible()
         page.get_by_role("button", name="run simulation").click()
         page.get_by_role("button", name="fit", exact=True).wait_for()
         wait_for(page, "The record, and what the guesses give for it")
         assert (tmp_path / "out" / "motion.csv").exists()
 
-    def test_without_a_record_the_simulated_motion_is_shown(self, look, page, tmp_path):
+    def test_without_a_record_the_simulated_motion_is_shown(self, opened, page, tmp_path):
         path = tmp_path / "study.toml"
         path.write_text(STUDY[: STUDY.index("[[records]]")] + "[simulation]\nduration = 0.2\n")
-        _, url = look(path)
-        page.goto(url)
-        wait_for(page, "Simulated motion")
+        opened(path, text="Simulated motion")
         assert not page.get_by_role("button", name="fit", exact=True).is_visible()

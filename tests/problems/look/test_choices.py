@@ -90,7 +90,7 @@ def test_takes_are_compared_as_by_the_command_and_fitted_alone_as_by_the_study(t
         compare_takes(change_takes(takes, 0, rest="auto"))
 
 
-@pytest.mark.parametrize("law", [None, "quadratic", "auto"])
+@pytest.mark.parametrize("law", [None, "auto"])
 def test_page_and_study_give_the_same_numbers(tip, tmp_path, law):
     choices = Choices(tip, begin=1.5, end=7.25, law=law)
     view = fit_chosen(choices)

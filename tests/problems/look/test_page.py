@@ -126,10 +126,8 @@ def command_line(page):
 class TestInABrowser:
     pytestmark = in_browser
 
-    def test_a_brush_and_a_law_give_the_numbers_of_the_study_that_is_saved(self, look, page, tmp_path):
-        _, url = look(write_decay(tmp_path / "tip.csv"))
-        page.goto(url)
-        wait_for(page, "±")
+    def test_a_brush_and_a_law_give_the_numbers_of_the_study_that_is_saved(self, opened, page, tmp_path):
+        _, url = opened(write_decay(tmp_path / "tip.csv"), text="±")
         page.wait_for_timeout(500)  # until the pointer brushes
         brush(page, 0.2, 0.8)
         wait_for(page, "--begin")
@@ -146,10 +144,8 @@ class TestInABrowser:
         assert f"frequency                 {decay['frequency_hz']:.6g} +-" in text
         assert page.hosts == {urllib.parse.urlsplit(url).netloc}
 
-    def test_the_value_at_the_cursor_has_its_error(self, look, page, tmp_path):
-        _, url = look(write_decay(tmp_path / "tip.csv"))
-        page.goto(url)
-        wait_for(page, "±")
+    def test_the_value_at_the_cursor_has_its_error(self, opened, page, tmp_path):
+        opened(write_decay(tmp_path / "tip.csv"), text="±")
         page.wait_for_timeout(1000)
         box = page.locator("canvas").nth(3).bounding_box()
         page.mouse.move(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
@@ -170,10 +166,8 @@ class TestInABrowser:
         page.close()
         assert process.wait(timeout=30) == 0  # the page has closed
 
-    def test_a_click_on_the_line_of_a_column_chooses_it_and_saving_waits_for_a_fit(self, look, page, tmp_path):
-        _, url = look(write_decay(tmp_path / "two.csv", header="t (s),tip (mm),middle (mm)"))
-        page.goto(url)
-        wait_for(page, "Choose a column")
+    def test_a_click_on_the_line_of_a_column_chooses_it_and_saving_waits_for_a_fit(self, opened, page, tmp_path):
+        opened(write_decay(tmp_path / "two.csv", header="t (s),tip (mm),middle (mm)"), text="Choose a column")
         assert page.get_by_role("button", name="save the report").is_disabled()
         page.get_by_role("button", name="middle (mm)").click()
         wait_for(page, "±")
@@ -210,10 +204,8 @@ class TestInABrowser:
         assert [len(options(page, chart)["series"]) for chart in (3, 4)] == [count - 3 for count in lines]
         assert page.evaluate("document.documentElement.scrollWidth") == 1000
 
-    def test_the_line_of_the_release_is_dragged_and_follows_the_size_of_the_page(self, look, page, tmp_path):
-        _, url = look(write_decay(tmp_path / "tip.csv"))
-        page.goto(url)
-        wait_for(page, "±")
+    def test_the_line_of_the_release_is_dragged_and_follows_the_size_of_the_page(self, opened, page, tmp_path):
+        opened(write_decay(tmp_path / "tip.csv"), text="±")
         for width, instant in ((1400, 2.0), (1000, 3.0)):
             page.set_viewport_size({"width": width, "height": 1000})
             page.wait_for_timeout(1000)  # until the chart is drawn
@@ -230,44 +222,26 @@ class TestInABrowser:
             assert float(release) == pytest.approx(instant, abs=0.03)
         assert "--begin" not in command_line(page)
 
-    def test_the_spectrum_names_peaks_and_harmonics(self, look, page, tmp_path):
+    def test_the_spectrum_names_peaks_and_harmonics(self, opened, page, tmp_path):
         time, noise = np.linspace(0.0, 20.0, 4001), np.random.default_rng(0).normal(0.0, 0.01, 4001)
         swing = 20.0 * np.exp(-0.1 * time) * np.cos(12.3 * time) + np.exp(-0.2 * time) * np.cos(81.0 * time) + noise
         np.savetxt(
             tmp_path / "tip.csv", np.column_stack([time, swing]), header="t (s),tip (mm)", delimiter=",", comments=""
         )
-        _, url = look(tmp_path / "tip.csv")
-        page.goto(url)
-        wait_for(page, "±")
+        opened(tmp_path / "tip.csv", text="±")
         page.wait_for_timeout(500)
         spectrum, peaks = options(page, 2)["series"]
         assert [point[0] for point in peaks["data"]] == pytest.approx([12.3 / 2 / np.pi, 81.0 / 2 / np.pi], abs=0.05)
         marks = {mark["label"]["formatter"]: mark["xAxis"] for mark in spectrum["markLine"]["data"]}
         assert marks == pytest.approx({"f": 1.9576, "2 f": 3.9152, "3 f": 5.8728}, rel=1e-3)
 
-    def test_a_gap_is_no_line(self, look, page, tmp_path):
+    def test_a_gap_is_no_line(self, opened, page, tmp_path):
         path = write_decay(tmp_path / "tip.csv")
         lines = path.read_text().splitlines()
         path.write_text("\n".join(lines[:400] + lines[600:]) + "\n")
-        _, url = look(path)
-        page.goto(url)
-        wait_for(page, "±")
+        opened(path, text="±")
         data = options(page, 0)["series"][0]["data"]
         assert sum(point[1] is None for point in data) == 2  # of the gap, and at the end
-
-    def test_the_column_of_times_is_chosen_where_several_could_be(self, look, page, tmp_path):
-        time = np.linspace(0.0, 8.0, 801)
-        columns = [time, 3.0 * time, np.exp(-0.25 * time) * np.cos(12.3 * time)]
-        np.savetxt(tmp_path / "tip.csv", np.column_stack(columns), delimiter=",", header="a,b,tip (mm)", comments="")
-        _, url = look(tmp_path / "tip.csv")
-        page.goto(url)
-        wait_for(page, "choose with --time")
-        page.get_by_label("time", exact=True).click()
-        page.get_by_role("option", name="a", exact=True).click()
-        wait_for(page, "Choose a column")
-        page.get_by_role("button", name="tip (mm)").click()
-        wait_for(page, "±")
-        assert command_line(page).endswith("--time a --column 'tip (mm)'")
 
     def test_takes_are_listed_and_compared_and_saved_as_one_study(self, look, page, tmp_path):
         _, url = look()
@@ -296,35 +270,29 @@ class TestInABrowser:
         wait_for(page, "the 3 records do not agree")
         assert page.locator("tbody tr").count() == 3
 
-    def test_a_column_by_its_number_stays_chosen_also_in_a_take_without_it(self, look, page, tmp_path):
+    def test_a_column_by_its_number_stays_chosen_also_in_a_take_without_it(self, opened, page, tmp_path):
         write_decay(tmp_path / "two.csv", header="t (s),tip (mm),middle (mm)")
         write_decay(tmp_path / "one.csv")
         (tmp_path / "study.toml").write_text(
             "".join(f'[[decays]]\nfile = "{name}.csv"\ncolumn = 3\n' for name in ("two", "one"))
         )
-        _, url = look(tmp_path / "study.toml")
-        page.goto(url)
-        wait_for(page, "The takes are not compared: one.csv: ")
+        opened(tmp_path / "study.toml", text="The takes are not compared: one.csv: ")
         page.locator("tr", has_text="one.csv").click()
         page.wait_for_selector(".q-spinner.hidden", state="attached")
         page.locator("tr", has_text="two.csv").click()
         wait_for(page, "linear decay")
         assert command_line(page).endswith("--column 3")
 
-    def test_a_take_that_cannot_be_read_says_why_in_its_row(self, look, page, tmp_path):
+    def test_a_take_that_cannot_be_read_says_why_in_its_row(self, opened, page, tmp_path):
         (tmp_path / "none.csv").write_text("nothing")
-        _, url = look(tmp_path / "none.csv", write_decay(tmp_path / "tip.csv"))
-        page.goto(url)
-        wait_for(page, "The takes are not compared")
+        opened(tmp_path / "none.csv", write_decay(tmp_path / "tip.csv"), text="The takes are not compared")
         rows = page.locator("tbody tr").all_inner_texts()
         assert "none.csv" in rows[0] and "±" not in rows[0] and "±" in rows[1]
         page.locator("tr", has_text="tip.csv").click()
         wait_for(page, "linear decay")
 
-    def test_a_click_on_a_pole_fits_its_mode_and_the_command_does_the_same(self, look, page, tmp_path):
-        _, url = look(write_functions(tmp_path / "tip.csv"))
-        page.goto(url)
-        wait_for(page, "2 modes")
+    def test_a_click_on_a_pole_fits_its_mode_and_the_command_does_the_same(self, opened, page, tmp_path):
+        opened(write_functions(tmp_path / "tip.csv"), text="2 modes")
         page.wait_for_timeout(500)  # until the chart is drawn
         page.mouse.click(*page.evaluate(CLICKED, [1, 35.0, 20]))
         wait_for(page, "--frequencies 12.0")
@@ -354,10 +322,8 @@ class TestInABrowser:
         page.get_by_label("frequencies, Hz").press("Enter")
         wait_for(page, "must be numbers separated by commas")
 
-    def test_a_brush_on_many_samples_fits_within_a_second(self, look, page, tmp_path):
-        _, url = look(write_decay(tmp_path / "tip.csv", samples=60_000))
-        page.goto(url)
-        wait_for(page, "±")
+    def test_a_brush_on_many_samples_fits_within_a_second(self, opened, page, tmp_path):
+        opened(write_decay(tmp_path / "tip.csv", samples=60_000), text="±")
         page.wait_for_timeout(1000)
         began = time.perf_counter()
         brush(page, 0.3, 0.8)

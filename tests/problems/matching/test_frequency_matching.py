@@ -22,12 +22,6 @@ def match() -> FrequencyMatch:
     return match_frequencies(paper.standard_beam(), targets=paper.TARGET_FREQUENCIES, bounds=BOUNDS)
 
 
-def small_beam() -> Beam:
-    return Beam.uniform(
-        length=0.5, width=5e-3, thickness=0.5e-3, density=8000.0, elastic_modulus=210e9, elements=SMALL_ELEMENTS
-    )
-
-
 def standard_beam(elements: int) -> Beam:
     """Return the paper's beam with another number of elements."""
     beam = paper.standard_beam()
@@ -59,25 +53,16 @@ class TestPaper:
         assert match.frequencies == pytest.approx(afresh.tolist(), rel=1e-12)
         assert match.max_relative_error < 1e-6
 
-    def test_no_property_changes_beyond_its_bound(self, match):
-        change = np.abs(factors(match.beam, paper.standard_beam()) - 1)
-        assert change.max() < BOUNDS
-        assert match.at_bound == ()
-
-    def test_density_and_modulus_are_those_of_one_material(self, match):
-        assert len(set(match.beam.density)) == 1
-        assert len(set(match.beam.elastic_modulus)) == 1
-
-    def test_nothing_else_of_the_beam_changes(self, match):
-        standard = paper.standard_beam()
-        assert (match.beam.length, match.beam.axis, match.beam.gravity) == (0.5, (0.0, -1.0), (0.0, -9.81))
-        assert match.beam.elements == standard.elements
+    def test_properties_of_one_material_change_within_their_bounds_and_nothing_else(self, match):
+        standard, changed = paper.standard_beam(), ("width", "thickness", "density", "elastic_modulus")
+        assert np.abs(factors(match.beam, standard) - 1).max() < BOUNDS and match.at_bound == ()
+        assert len(set(match.beam.density)) == len(set(match.beam.elastic_modulus)) == 1
+        assert replace(match.beam, **{name: getattr(standard, name) for name in changed}) == standard
 
     @pytest.mark.slow
-    @pytest.mark.parametrize("seed", [1, 2])
-    def test_another_start_ends_at_the_same_beam(self, match, seed):
+    def test_another_start_ends_at_the_same_beam(self, match):
         """42 properties against 5 frequencies: only the preference for the least change makes the result unique."""
-        start = 1 + np.random.default_rng(seed).uniform(-0.09, 0.09, 42)
+        start = 1 + np.random.default_rng(1).uniform(-0.09, 0.09, 42)
         second_match = match_frequencies(paper.standard_beam(), targets=paper.TARGET_FREQUENCIES, guess=start.tolist())
         assert second_match.max_relative_error < 1e-6
         difference = factors(second_match.beam, paper.standard_beam()) - factors(match.beam, paper.standard_beam())
@@ -123,17 +108,10 @@ class TestPaper:
 
 
 class TestLeastChange:
-    @pytest.mark.slow
-    def test_frequencies_of_the_beam_itself_change_nothing(self):
-        beam = small_beam()
-        match = match_frequencies(beam, targets=natural_modes(Model(beam), count=3).frequencies.tolist())
-        assert factors(match.beam, beam) == pytest.approx(np.ones(SMALL_FACTORS), abs=1e-8)
-
-    @pytest.mark.parametrize("seed", [3, 4])
-    def test_targets_of_a_beam_of_the_family_are_met_with_less_change(self, seed):
+    def test_targets_of_a_beam_of_the_family_are_met_with_less_change(self):
         """The true beam has these frequencies; the match must have them too, with no larger change."""
-        beam = small_beam()
-        truth = 1 + np.random.default_rng(seed).uniform(-0.05, 0.05, SMALL_FACTORS)
+        beam = standard_beam(SMALL_ELEMENTS)
+        truth = 1 + np.random.default_rng(3).uniform(-0.05, 0.05, SMALL_FACTORS)
         targets = frequencies(beam, truth, 3)
         match = match_frequencies(beam, targets=targets.tolist())
         assert match.frequencies == pytest.approx(targets.tolist(), rel=1e-6)
@@ -142,7 +120,7 @@ class TestLeastChange:
     @pytest.mark.slow
     def test_change_is_a_combination_of_the_sensitivities(self):
         """If no bound is active, c (m - 1) = sum_k y_k df_k/dm: any other change could be made smaller."""
-        beam = small_beam()
+        beam = standard_beam(SMALL_ELEMENTS)
         targets = natural_modes(Model(beam), count=3).frequencies * [0.98, 1.01, 0.99]
         matched_factors = factors(match_frequencies(beam, targets=targets.tolist()).beam, beam)
         sensitivities = central_differences(lambda m: frequencies(beam, m, 3) / targets, matched_factors, 1e-5)
@@ -154,7 +132,7 @@ class TestLeastChange:
     @pytest.mark.slow
     def test_infeasible_targets_give_the_nearest_within_the_bounds(self):
         """At an active bound the squared error decreases only beyond it; elsewhere its gradient is almost zero."""
-        beam, bounds = small_beam(), 0.01
+        beam, bounds = standard_beam(SMALL_ELEMENTS), 0.01
         targets = natural_modes(Model(beam), count=3).frequencies * [1.03, 0.97, 1.02]
         match = match_frequencies(beam, targets=targets.tolist(), bounds=bounds)
         matched_factors = factors(match.beam, beam)
@@ -209,7 +187,6 @@ class TestMesh:
 
     @pytest.mark.slow
     def test_400_elements_are_matched(self):
-        """The modes of the program and an independent solution once differed by 3.5e-7, and the match was refused."""
         beam, taper = standard_beam(400), np.linspace(1.04, 0.98, 400)
         targets = natural_modes(Model(beam.with_(thickness=tuple(taper * 0.5e-3), density=8200.0)), count=4).frequencies
         unknowns = (Smooth("thickness"), Global("density"))
@@ -224,72 +201,37 @@ class TestUnusableInput:
     @pytest.mark.parametrize(
         ("targets", "message"),
         [
-            ((1.85, 26.84, 10.19), "targets: must be ascending"),
             ((1.85, 1.85), "targets: must be ascending"),
-            ((1.85, -10.19), "targets: must be positive"),
             ((0.0, 10.19), "targets: must be positive"),
-            ((1.85, float("nan")), "targets: must be a finite number"),
-            ((1.85, "10.19"), "targets: must be a finite number"),
-            ((), "targets: needs at least one frequency"),
+            (1.85, r"targets: must be a sequence of frequencies, got 1\.85"),
             (tuple(range(1, 14)), "targets: 13 modes are more than the 12 that 6 elements have"),
         ],
     )
     def test_targets(self, targets, message):
         with pytest.raises(InputError, match=message):
-            match_frequencies(small_beam(), targets=targets)
+            match_frequencies(standard_beam(SMALL_ELEMENTS), targets=targets)
 
     @pytest.mark.parametrize(
         ("bounds", "message"),
         [
             (0.0, "bounds: must be one number above 0 and at most 1"),
-            (-0.1, "bounds: must be one number above 0 and at most 1"),
             (1.01, "bounds: must be one number above 0 and at most 1"),
-            (float("inf"), "bounds: must be one number above 0 and at most 1"),
             ((0.9, 1.1), "the largest relative change of a property, such as 0.1 for 10 %, got .0.9, 1.1.$"),
-            ("wide", "bounds: must be one number above 0 and at most 1"),
         ],
     )
     def test_bounds(self, bounds, message):
         with pytest.raises(InputError, match=message):
-            match_frequencies(small_beam(), targets=(1.85, 10.19), bounds=bounds)
-
-    @pytest.mark.parametrize(
-        ("guess", "message"),
-        [
-            (
-                [1.0] * (SMALL_FACTORS - 1),
-                f"guess: needs {SMALL_FACTORS} values, one per unknown, got {SMALL_FACTORS - 1}",
-            ),
-            (
-                [1.0] * SMALL_FACTORS + [1.0],
-                f"guess: needs {SMALL_FACTORS} values, one per unknown, got {SMALL_FACTORS + 1}",
-            ),
-            (
-                [1.11] + [1.0] * (SMALL_FACTORS - 1),
-                r"guess: the factors must be between 0\.9 and 1\.1, got 1\.11 for",
-            ),
-            ([0.89] + [1.0] * (SMALL_FACTORS - 1), "guess: the factors must be between 0.9 and 1.1, got 0.89"),
-            ([float("nan")] * SMALL_FACTORS, "guess: must be a finite number"),
-        ],
-    )
-    def test_guess(self, guess, message):
-        with pytest.raises(InputError, match=message):
-            match_frequencies(small_beam(), targets=(1.85, 10.19), guess=guess)
+            match_frequencies(standard_beam(SMALL_ELEMENTS), targets=(1.85, 10.19), bounds=bounds)
 
 
 class TestFailure:
     def test_a_beam_that_cannot_stand_has_no_modes_to_match(self):
-        pendulum = small_beam().with_(axis=(0.0, 1.0), supports=(Pin(0.0),))
+        pendulum = standard_beam(SMALL_ELEMENTS).with_(axis=(0.0, 1.0), supports=(Pin(0.0),))
         with pytest.raises(EquilibriumError, match="turn it to where it hangs"):
             match_frequencies(pendulum, targets=(1.85, 10.19))
 
     def test_no_convergence_is_an_error(self, monkeypatch):
         monkeypatch.setitem(MATCHING_OPTIONS, "ipopt.max_iter", 2)
         with pytest.raises(FitError, match="no minimum was found after 2 iterations") as caught:
-            match_frequencies(small_beam(), targets=(1.85, 10.19))
+            match_frequencies(standard_beam(SMALL_ELEMENTS), targets=(1.85, 10.19))
         assert caught.value.stats["return_status"] == "Maximum_Iterations_Exceeded"
-
-
-def test_a_single_number_is_no_sequence_of_frequencies():
-    with pytest.raises(InputError, match=r"targets: must be a sequence of frequencies, got 1\.85"):
-        match_frequencies(paper.standard_beam(), targets=1.85)

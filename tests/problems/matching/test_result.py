@@ -99,20 +99,6 @@ class TestRecovery:
             total += d @ np.linalg.solve(covariance, d)
         assert 80 - 3 * 12.6 < total < 80 + 3 * 12.6
 
-    @pytest.mark.slow
-    def test_a_smooth_taper(self, beam):
-        """A linear taper of the width and a heavier material from four frequencies, without gravity."""
-        weightless = beam.with_(gravity=(0.0, 0.0))
-        taper = 1 + 0.06 * (2 * np.arange(ELEMENTS) + 1 - ELEMENTS) / ELEMENTS
-        tapered = weightless.with_(width=tuple(5e-3 * taper), density=8.2e3)
-        targets = natural_modes(Model(tapered), count=4).frequencies.tolist()
-        unknowns = (Smooth("width", terms=2), Global("density"))
-        match = match_frequencies(weightless, targets=targets, unknowns=unknowns)
-        relative = np.array(match.beam.width) / match.beam.width[0]
-        assert relative == pytest.approx(taper / taper[0], rel=1e-5)
-        assert match.beam.density[0] == pytest.approx(8.2e3, rel=1e-5)
-        assert match.identifiability.rank == 2  # the data do not determine the mean width
-
 
 class TestLumped:
     @pytest.mark.slow
@@ -216,7 +202,7 @@ class TestOutOfReach:
 
     @pytest.mark.slow
     def test_out_of_reach_no_interval_is_given(self, beam):
-        """The density is at no bound; the table once had lowest = highest = value, and "the data fix 3 of 6"."""
+        """The density is at no bound."""
         targets = (natural_modes(Model(beam), count=3).frequencies * [1.05, 0.93, 1.04]).tolist()
         unknowns = (THICKNESS, Global("density"))
         match = match_frequencies(beam, targets=targets, unknowns=unknowns, bounds=0.01)
@@ -358,10 +344,6 @@ class TestStarts:
         ("arguments", "message"),
         [
             ({"starts": 0}, "starts: must be a whole number, 1 to 10000, got 0"),
-            ({"starts": 1.5}, "starts: must be a whole number, 1 to 10000"),
-            ({"starts": True}, "starts: must be a whole number, 1 to 10000"),
-            ({"seed": -1}, "seed: must be a whole number, 0 or more"),
-            ({"jobs": 0}, "jobs: must be a whole number, 1 or more"),
             ({"objective": "best"}, "objective: must be one of least-squares, worst-error, got 'best'"),
             ({"preference": 1e-8}, "preference: must be a LeastChange or a Smoothness, got 1e-08"),
         ],

@@ -117,29 +117,10 @@ class TestUnusable:
             (lambda beam: PerElement("tip_mass"), "unknowns: must be one of width, thickness, density, elastic_modul"),
             (lambda beam: DesignSpace(beam, ()), "unknowns: nothing may change"),
             (lambda beam: DesignSpace(beam, (Global("width"), Smooth("width"))), "unknowns: width is given 2 times"),
-            (
-                lambda beam: DesignSpace(beam, ("width",)),
-                "unknowns: must be a Global, a PerElement or a Smooth, got 'width'",
-            ),
+            (lambda beam: DesignSpace(beam, ("width",)), "unknowns: must be a Global, a PerElement or a Smooth"),
             (lambda beam: DesignSpace(beam, Global("width")), "unknowns: must be a sequence of"),
-            (lambda beam: DesignSpace(beam, "width"), "unknowns: must be a sequence of"),
-            (lambda beam: Global("length"), "unknowns: must be one of width, thickness, density, elastic_modulus"),
-            (
-                lambda beam: Global("width", relative_bounds=1.5),
-                "unknowns: width: relative_bounds: must be one number above 0 and at most 1",
-            ),
-            (
-                lambda beam: PerElement("width", relative_bounds=0.0),
-                "unknowns: width: relative_bounds: must be one number above 0 and at most 1",
-            ),
-            (
-                lambda beam: Smooth("width", terms=0),
-                "unknowns: width: terms: must be a whole number, 1 to",
-            ),
-            (
-                lambda beam: Smooth("width", terms=2.5),
-                "unknowns: width: terms: must be a whole number, 1 to",
-            ),
+            (lambda beam: Global("width", relative_bounds=1.5), "unknowns: width: relative_bounds: must be one number"),
+            (lambda beam: Smooth("width", terms=0), "unknowns: width: terms: must be a whole number, 1 to"),
             (lambda beam: DesignSpace(beam, (Smooth("width", terms=7),)), "7 terms are more than the 6 elements"),
             (lambda beam: LeastChange(weight=0.0), "preference: weight: must be positive"),
             (lambda beam: Smoothness(weight=float("nan")), "preference: weight: must be a finite number"),

@@ -5,7 +5,7 @@ import math
 import pytest
 
 from problems.paper import combined_law as combined
-from problems.paper import table_07, tables_05_06
+from problems.paper import tables_05_06
 from problems.paper.air import Air
 from problems.paper.effects import QuadraticLaw
 from problems.study.compute import Compute
@@ -38,19 +38,6 @@ def test_decays_under_eta1_take_the_same_time_at_every_frequency_on_the_beam_and
     assert effects.data["characteristics"][0]["frequency"] == "independent"
     assert effects.data["decays"][0]["amplitude_m"][0] == pytest.approx(0.076 * math.exp(-5), rel=0.01)
     assert len(effects.figures) == 4
-
-
-def test_damping_ratios_along_a_decay_stand_beside_the_formula(monkeypatch):
-    laws = (QuadraticLaw("linear", "linear", 2.0, 0.0), QuadraticLaw("drag", "drag", 0.0, 1.0))
-    for name, value in {"LAWS": laws, "FREQUENCY": 3.0, "AMPLITUDE": 0.076, "DURATION": 3.0}.items():
-        monkeypatch.setattr(table_07, name, value)
-    change = table_07.ratio_change.finding(Compute(formats=()), {})
-    _, ratios = change.tables
-    first, second, *_ = ratios.rows
-    omega = 6 * math.pi
-    assert first[1] == pytest.approx(100 / omega, rel=0.02)  # eta1/(2 omega)
-    assert second[2] > 1.5 * second[4]  # falls with the amplitude
-    assert change.data["ratios"][1]["crosses_the_first_law_at_s"] is None
 
 
 def test_the_drag_of_each_mode_has_errors_and_the_printed_eta2_its_coefficient(monkeypatch):

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from ancf_casadi.damping.quadratic import ASSUMED_SHAPE
-from problems.paper.figure_01 import ENDS, SLOPES, centre_line, element_figure
-from problems.paper.figure_11 import deflection_figure, deflections
+from problems.paper.figure_01 import ENDS, SLOPES, centre_line
+from problems.paper.figure_11 import deflections
 
 
 def test_the_drawn_centre_line_has_the_drawn_ends_and_slopes():
@@ -15,11 +15,6 @@ def test_the_drawn_centre_line_has_the_drawn_ends_and_slopes():
     np.testing.assert_allclose((second - first) / (4.0 * step), SLOPES[0], rtol=1e-4)
     before, last = centre_line(np.array([1.0 - step, 1.0]))
     np.testing.assert_allclose((last - before) / (4.0 * step), SLOPES[1], rtol=1e-4)
-
-
-def test_the_figure_of_the_element_names_its_four_vectors():
-    shown = {text.get_text() for text in element_figure().axes[0].texts}
-    assert {r"$\mathbf{r}_0$", r"$\mathbf{r}_l$", r"$\boldsymbol{\tau}_0$", r"$\boldsymbol{\tau}_l$"} <= shown
 
 
 @pytest.mark.parametrize("axis", [(0.0, -1.0), (0.8, 0.6)])
@@ -36,11 +31,3 @@ def test_mode_1_is_that_of_a_cantilever(paper_beam):
     exact = np.cosh(x) - np.cos(x) - sigma * (np.sinh(x) - np.sin(x))
     np.testing.assert_allclose(mode, exact / exact[-1], atol=1e-5)
     assert abs(mode - ASSUMED_SHAPE(places)).max() == pytest.approx(0.0147, abs=2e-4)
-
-
-def test_the_figure_of_the_deflection_names_its_axes_and_curves(paper_beam):
-    deflection, difference = deflection_figure(*deflections(paper_beam(4))).axes
-    assert [text.get_text() for text in deflection.get_legend().get_texts()] == [
-        "Eq. (21)", "computed, uniform load", "computed, mode 1",
-    ]  # fmt: skip
-    assert difference.get_xlabel() == "arc length / length of the beam"

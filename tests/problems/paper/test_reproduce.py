@@ -2,15 +2,11 @@
 
 import json
 import math
-import os
 import runpy
-import signal
 import subprocess
 import sys
-import time
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import jsonschema
 import numpy as np
@@ -19,12 +15,10 @@ import pytest
 from ancf_casadi.figures.files import figure_bytes
 from ancf_casadi.version import __version__
 from problems.cli import main
-from problems.paper import inputs
 from problems.paper import reproduce as reproducing
 from problems.paper.reproduce import PAPER
 from problems.paper.tables_09_10 import frequency_matching
 from problems.study.formatting import formatted_table, numeric_table
-from tests.problems.conftest import without_times
 from tests.problems.paper import numbers as paper
 from tests.test_docstrings import check_examples
 
@@ -60,24 +54,6 @@ class TestContents:
         (missing,) = (step for step in PAPER.steps if step.tables + step.figures and step.name not in names)
         assert missing.tables + missing.figures == ("Table 12", *(f"Figure {k}" for k in range(24, 28)))
 
-    def test_says_why_the_photographs_are_not_computed(self):
-        (omitted,) = (step for step in PAPER.steps if step.name == "photographs")
-        assert omitted.figures == ("Figure 2", "Figure 3", "Figure 4")
-        assert "Photographs" in omitted.text
-
-    def test_cites_the_paper(self):
-        for word in ("J. W. Lee", "H. W. Kim", "H. C. Ku", "W. S. Yoo", PAPER.title, "325 (2009) 722-741"):
-            assert word in PAPER.source
-
-    def test_experiments_are_those_of_the_paper(self):
-        """Section 5.2: frequency and stop time of each mode; each law simulated in each mode."""
-        runs = inputs.experiments(*inputs.three_laws())
-        assert [(run.mode, run.frequency, run.stop) for run in runs] == [
-            (1, 1.85, 15.0), (2, 10.19, 20.0), (3, 26.84, 12.0), (4, 53.20, 10.0), (5, 88.60, 6.0),
-        ]  # fmt: skip
-        assert all([law.name for law in run.laws] == ["generic", "proportional", "quadratic"] for run in runs)
-        assert tuple(run.measured_ratio for run in runs) == paper.DAMPING_RATIOS
-
 
 @pytest.mark.slow
 class TestResults:
@@ -105,9 +81,7 @@ class TestResults:
         ("step", "change"),
         [
             ("modal_identification", lambda rows: rows[0].pop("frequency_hz")),
-            ("modal_identification", lambda rows: rows[0].update(frequency_hz="1.85")),
             ("proportional", lambda numbers: numbers.update(alfa=numbers.pop("alpha"))),
-            ("timing", lambda times: times.update(proportional=-1.0)),
             ("study", lambda about: about.pop("seed")),
         ],
     )
@@ -203,72 +177,14 @@ def test_the_example_of_the_docstring_prints_what_it_says(tmp_path, monkeypatch)
     check_examples(reproducing.reproduce)
 
 
-def run(*arguments: str | Path) -> subprocess.Popen[str]:
-    """Start the command with two processes, as a user does."""
-    command = [sys.executable, "-m", "problems.cli", *map(str, arguments), "--quick", "--jobs", "2", "--json"]
-    return subprocess.Popen(
-        command,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),  # as in a terminal
-    )
-
-
-def finished(process: subprocess.Popen[str]) -> dict[str, Any]:
-    """Return the results that the command prints."""
-    with process:
-        output, errors = process.communicate(timeout=280)
-    assert process.returncode == 0, errors
-    assert "Warning" not in errors
-    results: dict[str, Any] = json.loads(output)
-    assert results.pop("version") == __version__
-    return results
-
-
-@pytest.mark.slow
-@pytest.mark.skipif(os.name != "posix", reason="kill -9 is a signal of POSIX")
-def test_a_study_that_was_killed_continues(small_study, tmp_path):
-    """The numbers and files are those of a study in one run, and no finished computation is repeated."""
-    file, out = small_study.page.parent.parent / "small.toml", tmp_path / "killed"
-    with run("run", file, "--out", out) as process:
-        while len(list(out.rglob("*.msgpack"))) < 3:
-            assert process.poll() is None
-            time.sleep(0.02)
-        process.send_signal(signal.SIGKILL)
-        process.communicate()
-    assert not (out / "results.json").exists()
-    modified = {path: path.stat().st_mtime_ns for path in (out / "steps").glob("*.msgpack")}
-    assert len(modified) >= 3
-    again = finished(run("run", file, "--out", out))
-    assert without_times(again) == without_times(small_study.to_dict())
-    assert modified == {path: path.stat().st_mtime_ns for path in modified}  # none of them ran again
-    names = [{path.name for path in folder.rglob("*.svg")} for folder in (out, small_study.page.parent)]
-    assert names[0] == names[1]
-
-
-@pytest.mark.slow
-@pytest.mark.skipif(os.name != "posix", reason="the signal is one of POSIX")
-@pytest.mark.parametrize("count", [1, 8])
-def test_a_study_that_is_interrupted_ends_at_once(tmp_path, count):
-    """Tasks of processes that have ended are not cancelled, which would break the executor."""
-    with run("reproduce", "--out", tmp_path / "stopped") as process:
-        while len(list((tmp_path / "stopped").rglob("*.msgpack"))) < count:
-            assert process.poll() is None
-            time.sleep(0.02)
-        process.send_signal(signal.SIGINT)
-        try:
-            output, errors = process.communicate(timeout=20)
-        finally:
-            process.kill()
-    assert (process.returncode, output) == (128 + signal.SIGINT, "")
-    assert len(errors.splitlines()) == 1
-
-
 @pytest.mark.slow
 def test_the_command_reproduces_the_paper(tmp_path, likeness):
     """All tables and figures of a quick look, and values within a few per cent."""
-    results = finished(run("reproduce", "--out", tmp_path / "whole"))
+    command = [sys.executable, "-m", "problems.cli", "reproduce", "--quick", "--jobs", "2", "--json"]
+    done = subprocess.run([*command, "--out", tmp_path / "whole"], capture_output=True, text=True, check=True)
+    assert "Warning" not in done.stderr
+    results = json.loads(done.stdout)
+    assert results.pop("version") == __version__
     assert results == json.loads((tmp_path / "whole" / "results.json").read_text())
     jsonschema.validate(results, json.loads((tmp_path / "whole" / "results.schema.json").read_text()))
     labels = [label for result in results["study"]["steps"] for label in (*result["tables"], *result["figures"])]

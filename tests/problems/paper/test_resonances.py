@@ -7,7 +7,6 @@ from problems.paper.steady_vibration import frequency_range, resonances
 from problems.study.compute import Compute
 from problems.study.kinds.experiment import RequestedRun
 from problems.study.step import Finding, LawChoice
-from tests.problems.conftest import column
 
 pytestmark = pytest.mark.slow  # all tests need the curves
 
@@ -38,12 +37,6 @@ def test_the_curve_of_a_linear_law_has_its_damping_ratio(steady):
     assert (modal["law"], drag["law"]) == ("modal", "drag")
     assert modal["curve"]["peak_damping_ratio"] == pytest.approx(0.05, rel=0.03)
     assert drag["curve"]["peak_damping_ratio"] > 1.2 / (4 * np.pi * 1.876)
-
-
-def test_each_mode_has_a_figure_with_all_laws(steady):
-    (table,) = steady.tables
-    assert column(table, "law") == ["modal", "air drag"]
-    assert len(steady.figures) == 1
 
 
 def test_the_range_reaches_the_peak_of_a_mode_that_softens_and_ends_at_three_per_cent():

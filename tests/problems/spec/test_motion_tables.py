@@ -75,15 +75,10 @@ class TestBase:
         ("text", "what"),
         [
             ("amplitude = 1e-3\nfrequencies = [1, 3]\n", r"the key 'stop' is missing"),
-            ("amplitude = 1e-3\nfrequencies = [1, -3]\nstop = 5\n", r"frequencies: must be positive"),
             ("amplitude = 1e-3\nfrequency = 2\nstop = 5\nramp = 11\n", r"ramp: lasts until 5\.5 s, after the stop"),
-            ("amplitude = 1e-3\nfrequencies = 1\nstop = 5\n", r"frequencies: must be a pair"),
             ('file = "clamp.csv"\n', r"name at least one of the columns x, y, rotation"),
             ('file = "none.csv"\nx = 2\n', r".*none\.csv: cannot be read"),
             ('file = "clamp.csv"\nx = "z"\n', r"x: .*clamp\.csv"),
-            ("file = 3\nx = 2\n", r"file: must be a text, got 3"),
-            ('file = "clamp.csv"\nx = 2\nspeed = 1\n', r"unknown key 'speed'"),
-            ("rotation = 'left'\n", r"rotation: must be a number, got 'left'"),
         ],
     )
     def test_unusable(self, file, text, what):
@@ -102,7 +97,6 @@ class TestRelease:
         ("text", "what"),
         [
             ("[release]\ntip_force = 1\n", r"\[release\]: tip_force: must be a pair"),
-            ("[release]\nforce = [1, 0]\n", r"\[release\]: unknown key 'force'"),
             ("release = 3\n", r"\[release\]: must be a table, got 3"),
         ],
     )
@@ -276,27 +270,17 @@ class TestRecords:
         [
             ("mass_g,x_mm\n1,2\n", "load = 3", r"\[statics\]: load: must be a table or a list"),
             ("mass_g,x_mm\n1,2\n", "load = {mass = true}", r"\[statics\]: load: mass: must be a number or a text"),
-            ("mass_g,x_mm\n1,2\n", "loads = [{mass = 1}]", r"\[statics\]: unknown key 'loads'"),
-            ("mass_g,x_mm\n1,2\n", "", r"\[statics\]: the key 'load' is missing"),
             ("mass_g,x_mm\n1,2\n", "load = {mass = 'm'}", r"\[statics\]: load: mass: \S*sag.csv: .*no such column"),
             ("mass,x_mm\n1,2\n", "load = {mass = 'mass'}", r"load: mass: \S*sag.csv: column 1 'mass': has no unit"),
             ("m_mm,x_mm\n1,2\n", "load = {mass = 'm_mm'}", r"column 1 'm_mm': is in mm, a unit of length, not of mass"),
             ("p_g,x_mm\n1,2\n", "load = {force = [0, 'p_g']}", r"load: force: \S*sag.csv: column 1 'p_g': is in g"),
             (
-                "mass_g,x_mm\n1,2\n\n,3\n",
-                "load = [{mass = 'mass_g'}]",
-                r"\[statics\]: load: 1: mass: \S*sag.csv: column 1 'mass_g': line 4: has no number",
+                "m_g,x_mm\n1,2\n\n,3\n",
+                "load = [{mass = 'm_g'}]",
+                r"load: 1: mass: \S*sag.csv: .* line 4: has no number",
             ),
-            (
-                "mass_g,x_mm\n1,2\n-1,3\n",
-                "load = {mass = 'mass_g'}",
-                r"\[statics\]: load: \S*sag.csv: line 3: mass: must be",
-            ),
-            (
-                "mass_g,x\n1,2\n",
-                "load = {mass = 'mass_g'}",
-                r"\[statics\]: column: \S*sag.csv: column 2 'x': has no unit",
-            ),
+            ("m_g,x_mm\n1,2\n-1,3\n", "load = {mass = 'm_g'}", r"load: \S*sag.csv: line 3: mass: must be"),
+            ("m_g,x\n1,2\n", "load = {mass = 'm_g'}", r"column: \S*sag.csv: column 2 'x': has no unit"),
         ],
     )
     def test_unusable_static_files(self, file, tmp_path, rows, keys, what):
@@ -328,13 +312,9 @@ class TestRecords:
         ("text", "what"),
         [
             ("[[statics]]\nvalues = [1.0]\n", r"\[statics\]: the key 'loads' is missing"),
-            ("[[statics]]\nloads = {mass = 1}\nvalues = [1.0]\n", r"\[statics\]: loads: must be a list, got"),
-            ("[[statics]]\nloads = [{mass = 1}]\n", r"\[statics\]: the key 'values' is missing"),
-            ("[[statics]]\nloads = [3]\nvalues = [1.0]\n", r"\[statics\]: loads: 1: must be a table"),
             ("[[statics]]\nloads = [{mass = 1}]\nvalues = [1, 2]\n", r"values: has 2 values for 1 load cases"),
             ("[[statics]]\nloads = [{mass = 1}]\nvalues = [1]\nstd = [1, 2]\n", r"std: has 2 values for 1 load cases"),
             ("[[statics]]\nloads = [{mass = 1}]\nvalues = [1]\nsensor = 'velocity'\n", r"\[statics\]: .*velocity"),
-            ("[[curves]]\nvalues = [1.0]\n", r"\[curves\]: the key 'frequencies' is missing"),
             ("[[curves]]\nfrequencies = [1]\nvalues = [1]\n", r"\[curves\]: .*base.*load"),
             ("[[curves]]\nfrequencies = [1]\nvalues = [1]\nbase = {frequency = 1}\n", r"base: .*'frequency'"),
         ],
@@ -354,13 +334,7 @@ class TestRecords:
         ("text", "what"),
         [
             ("", r"\[records\]: the table is missing; it names the file"),
-            ("[[records]]\ncolumn = 2\n", r"\[records\]: the key 'file' is missing"),
-            ('[[records]]\nfile = "clamp.csv"\nchannels = []\n', r"\[records\]: channels: must be a list of 1 or more"),
-            ('[[records]]\nfile = "clamp.csv"\nchannels = [{x = 2}]\n', r"channels: 1: unknown key 'x'"),
             ('[[records]]\nfile = "clamp.csv"\ncolumn = 9\n', r"\[records\]: .*clamp\.csv"),
-            ('[[records]]\nfile = "clamp.csv"\ncolumn = 2\nsensor = "smell"\n', r"\[records\]: sensor: must be one"),
-            ('[[records]]\nfile = "clamp.csv"\ncolumn = 2\ncamera = {zoom = 1}\n', r"camera: unknown key 'zoom'"),
-            ('[[records]]\nfile = "clamp.csv"\ncolumn = 2\nstd = -1\n', r"\[records\]: std: must be positive"),
             ('[[records]]\nfile = "clamp.csv"\ncolumn = 2\nbegin = 3\n', r"\[records\]: cut: from 3"),
             ("records = 3\n", r"must be a table \[records\], or several"),
         ],
@@ -369,7 +343,7 @@ class TestRecords:
         with pytest.raises(InputError, match=what):
             Measurements.of(file(text, BEAM, LAWS) if text.startswith("records =") else file(BEAM, LAWS, text)).read()
 
-    @pytest.mark.parametrize("laws", ["3", "[]", "[1]", "[[]]", "[[3]]", "[[0]]", '[["a"]]'])
+    @pytest.mark.parametrize("laws", ["3", "[[3]]", "[[0]]"])
     def test_laws_that_do_not_exist(self, file, laws):
         with pytest.raises(InputError, match=r"\[fit\]: laws: (1: )*must be"):
             Measurements.of(file(BEAM, LAWS, self.RECORDS, f"[fit]\nlaws = {laws}\n")).read()

@@ -8,8 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from ancf_casadi import Beam, Model, PointLoad, RayleighDamping, simulate, static_equilibrium
-from problems import fit_beam
+from ancf_casadi import Beam, Model, RayleighDamping, simulate, static_equilibrium
 from problems.cli import main
 from problems.spec.motion import SimulationTables
 from problems.spec.records import Measurements
@@ -109,38 +108,6 @@ def test_a_task_has_the_contents_of_the_files_with_it(study):
     motion, static, curve = Measurements.of(pickle.loads(pickle.dumps(file))).records
     assert [times_opened(name) for name in ("swing.csv", "sweep.csv", "sag.csv")] == [1, 1, 1]
     assert len(motion.channels) == 2 and len(curve.frequencies) == 2 and len(static.cases) == 2
-
-
-def test_a_file_of_static_tests_identifies_what_separate_tables_do(tmp_path, monkeypatch):
-    """A modulus of 210 GPa, from sags of 1 to 8 mm with errors of 0 to 20 um, from a guess of 190 GPa."""
-    monkeypatch.chdir(tmp_path)
-    Path("beam.toml").write_text(f"{STRIP}elements = 4\n")
-    level = Model(Beam.from_toml("beam.toml").with_(axis=(1.0, 0.0)))
-    cases = [(1.0, 250.0, 0.02), (2.0, 300.0, 0.0), (1.5, 400.0, -0.01)]  # g, mm, mm
-    rows, tables, rest = [], [], static_equilibrium(level).tip[1]
-    for mass, point, error in cases:
-        load = PointLoad.hung(1e-3 * mass, 1e-3 * point)
-        sag = 1e3 * float(rest - static_equilibrium(level, loads=[load]).tip[1]) + error
-        rows.append(f"{mass},{point},{sag:.12g}")
-        tables += [
-            "[[statics]]",
-            f"loads = [{{mass = {mass}e-3, point = {point}e-3}}]",
-            f"values = [{1e-3 * sag:.15g}]",
-        ]
-        tables += ["std = 2e-5", "axis = [1.0, 0.0]", "direction = [0.0, -1.0]"]
-    Path("sag.csv").write_text("\n".join(["m_g,at_mm,sag_mm", *rows]))
-    table = ["[[statics]]", 'file = "sag.csv"', 'load = {mass = "m_g", point = "at_mm"}', 'column = "sag_mm"']
-    table += ["std = 2e-5", "axis = [1.0, 0.0]", "direction = [0.0, -1.0]"]
-    guess, estimates = STRIP.replace("210e9", "190e9"), []
-    assert guess != STRIP
-    for number, lines in enumerate((table, tables)):
-        Path(f"{number}.toml").write_text("\n".join([guess + "elements = 4", *lines]))
-        read = Measurements.of(f"{number}.toml").read()
-        fit = fit_beam(read.model, read.records, unknowns=["elastic_modulus"])
-        estimates.append((fit.estimates["elastic_modulus"], fit.standard_errors["elastic_modulus"]))
-    (from_file, error), (separate, _) = estimates
-    assert from_file == pytest.approx(separate, rel=1e-7)
-    assert error < 0.002 * from_file and abs(from_file - 210e9) < 3.0 * error
 
 
 @pytest.mark.slow

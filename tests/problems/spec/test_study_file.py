@@ -71,21 +71,12 @@ class TestBeam:
         natural_curvature = 0.4
         prestress = -1e5
         tip_mass = 1e-3
-        [[beam.supports]]
-        kind = "clamp"
-        stiffness = inf
-        [[beam.supports]]
-        kind = "roller"
-        point = 0.2
-        direction = [3.0, 4.0]
-        displacement = [0.0, 1e-3]
-        [[beam.supports]]
-        kind = "pin"
-        point = 0.4
-        [[beam.supports]]
-        kind = "guide"
-        point = 0.5
-        rotation = 0.1
+        supports = [
+            {kind = "clamp", stiffness = inf},
+            {kind = "roller", point = 0.2, direction = [3.0, 4.0], displacement = [0.0, 1e-3]},
+            {kind = "pin", point = 0.4},
+            {kind = "guide", point = 0.5, rotation = 0.1},
+        ]
         [[beam.attachments]]
         kind = "mass"
         point = 0.3
@@ -132,19 +123,11 @@ class TestBeam:
     @pytest.mark.parametrize(
         ("text", "message"),
         [
-            ("supports = 1", "supports: must be a list, got 1"),
-            ("supports = [1]", "supports: 1: must be a table, got 1"),
             ("supports = [{}]", "supports: 1: the key 'kind' is missing; it is one of clamp, pin, roller, guide"),
             ('supports = [{kind = "glue"}]', "supports: 1: kind: must be one of clamp, pin, roller, guide, got 'glue'"),
-            ("supports = [{kind = 1}]", "supports: 1: kind: must be a text, got 1"),
-            ('supports = [{kind = "pin"}]', "supports: 1: the key 'point' is missing"),
             ('supports = [{kind = "clamp"}, {kind = "pin", point = 0.5, rotation = 1}]', "supports: 2: unknown key"),
-            ('supports = [{kind = "clamp", stiffness = -1}]', "supports: 1: stiffness: must be positive, got -1"),
             ('supports = [{kind = "pin", point = 0.7}]', "supports: the point 0.7 m is not on the beam"),
-            ('supports = [{kind = "pin", point = 0}, {kind = "clamp"}]', "supports: two supports hold the point at"),
             ('attachments = [{kind = "clamp"}]', "attachments: 1: kind: must be one of mass, spring,"),
-            ('attachments = [{kind = "mass", point = 0}]', "attachments: 1: the key 'mass' is missing"),
-            ('attachments = [{kind = "spring", point = 0, stiffness = 3.0}]', "attachments: 1: stiffness: must be"),
             ("natural_curvature = [1.0]", "natural_curvature: has 1 values for 4 elements"),
         ],
     )
@@ -194,11 +177,9 @@ class TestMatch:
         ("text", "message"),
         [
             ("", "the table is missing"),
-            ("[match]\nbounds = 0.1\n", "the key 'targets' is missing"),
             ("[match]\ntargets = [1]\nstart = [1]\n", "unknown key 'start'; known are bounds, freq"),
-            ("[match]\ntargets = 1\n", "targets: must be a list, got 1"),
+            ("[match]\ntargets = [1]\nbounds = 1.5\n", "bounds: must be above 0 and at most 1"),
             ("[match]\ntargets = [2, 1]\nfrequency_std = 0.1\n", "targets: must be ascending"),
-            ("[match]\ntargets = [1]\nunknowns = 3\n", "unknowns: must be a table, got 3"),
             ("[match]\ntargets = [1]\nunknowns.width = 'all'\n", "unknowns: width: must be one of element, global,"),
             ("[match]\ntargets = [1]\nunknowns.width = {smooth = 2, order = 1}\n", "unknowns: width: unknown key"),
             ("[match]\ntargets = [1]\nunknowns.width = {element = false}\n", "unknowns: width: must be"),
@@ -275,22 +256,15 @@ class TestSimulation:
         ("text", "message"),
         [
             ("[damping]\neta2 = 0.1\n", r"\[damping\]: the key 'law' is missing; it is one of rayleigh, quadratic,"),
-            (
-                "[damping]\nlaw = 'air'\n",
-                r"\[damping\]: law: must be one of rayleigh, quadratic, friction, viscoelastic, modal,",
-            ),
-            ("[damping]\nlaw = ['modal']\n", r"\[damping\]: law: must be a text, got \['modal'\]"),
-            ("[damping]\nlaw = 'quadratic'\nalpha = 1\n", r"\[damping\]: unknown key 'alpha'; known are"),
-            ("[damping]\nlaw = 'rayleigh'\nalpha = -1\n", r"\[damping\]: alpha: must not be negative"),
-            ("[damping]\nlaw = 'modal'\n", r"\[damping\]: the key 'ratios' is missing"),
-            ("[damping]\nlaw = 'modal'\nratios = 0.01\n", r"\[damping\]: ratios: must be a list, got 0.01"),
+            ("[damping]\nlaw = 'air'\n", r"\[damping\]: law: must be one of rayleigh, quadratic,"),
             ("[damping]\nlaw = 'modal'\nratios = []\n", r"\[damping\]: ratios: must be a list of 1 or more, got \[\]"),
             ("[damping]\nlaw = 'modal'\nratios = [1.0]\n", r"\[damping\]: ratios: 1: must be at least 0 and below 1"),
             (f"[damping]\nlaw = 'modal'\nratios = {[0.01] * 17}\n", r"\[damping\]: ratios: has 17 values for 16 modes"),
             ("[damping]\nlaw = 'modal'\nratios = [0.01]\nfrequencies = [1, 2]\n", r"frequencies: has 2 values for 1"),
+            ("sample_rate = -1\n", r"\[simulation\]: sample_rate: must be positive"),
+            ("length = 0.4\n", r"\[simulation\]: unknown key 'length'; known are duration"),
+            ('start = "running"\n', r"\[simulation\]: start: must be one of"),
             ("[base]\namplitude = 1e-3\n", r"\[base\]: the key 'frequency' is missing"),
-            ("[base]\namplitude = 0\nfrequency = 1\n", r"\[base\]: amplitude: must be positive"),
-            ("[base]\namplitude = 1\nfrequency = 1\nphase = 1\n", r"\[base\]: unknown key 'phase'"),
         ],
     )
     def test_unusable(self, file, text, message):
@@ -314,16 +288,14 @@ class TestSimulation:
             arguments(file(BEAM))
 
 
-@pytest.mark.parametrize("values", [1.0, "1, 2", {"a": 1}, None])
-def test_numbers_refuse_what_is_no_list(values):
-    with pytest.raises(InputError, match="here: must be a sequence of numbers"):
+@pytest.mark.parametrize(
+    ("values", "kind"),
+    [("1, 2", "sequence of numbers"), (None, "sequence of numbers"), ([1.0, float("nan")], "finite number"),
+     ([1.0, True], "finite number")],
+)  # fmt: skip
+def test_numbers_are_finite_numbers_of_a_sequence(values, kind):
+    with pytest.raises(InputError, match=f"here: must be a {kind}"):
         numbers(values, "here")
-
-
-@pytest.mark.parametrize("value", [float("nan"), "1", [1.0], True])
-def test_numbers_refuse_what_is_no_number(value):
-    with pytest.raises(InputError, match="here: must be a finite number"):
-        numbers([1.0, value], "here")
 
 
 @pytest.mark.parametrize("name", ["beam.toml", "study.toml"])

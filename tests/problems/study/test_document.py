@@ -85,15 +85,6 @@ class Page(HTMLParser):
             self.texts.append((self._open[-1] if self._open else "", data))
 
 
-def printed_rules(source: str) -> dict[str, dict[str, str]]:
-    """Return selectors -> declarations of the rules for print."""
-    (block,) = re.findall(r"@media print \{(.*?)\n\}", source, flags=re.DOTALL)
-    return {
-        selector.strip(): dict(one.strip().split(": ", 1) for one in body.split(";") if one.strip())
-        for selector, body in re.findall(r"([^{}]+)\{([^{}]*)\}", block)
-    }
-
-
 @pytest.fixture(scope="module")
 def page(small_paper) -> Page:
     return Page(small_paper.page)
@@ -160,33 +151,6 @@ class TestPage:
             assert f"{step.seconds:.1f}" in text
         assert "Quick look" in text
 
-    def test_ink_is_the_colour_of_the_text(self, page):
-        """Black axes and records would vanish on a dark page; other colours stay."""
-        svg = page.source[page.source.index("<main>") : page.source.index("</main>")]
-        assert not re.search(r"(fill|stroke): *(#000000|#222222|black)", svg)
-        assert "stroke: currentColor" in svg
-        assert "#009e73" in svg
-
-    def test_fits_a_phone(self, page):
-        """The width of the device, figures that shrink, and tables that scroll on their own."""
-        assert '<meta name="viewport" content="width=device-width, initial-scale=1">' in page.source
-        assert page.source.count('<div class="scroll">\n<table') == page.names["table"]
-        assert not re.search(r"<svg[^>]*\bwidth=", page.source)
-
-    def test_prints_all_columns(self, page):
-        """No scroll bar cuts a table: cells wrap, and heads of many columns are turned; type of 7 points or more."""
-        rules = printed_rules(page.source)
-        assert rules[".scroll"]["overflow"] == "visible"
-        assert rules["th, td"]["white-space"] == "normal"
-        assert rules["table:has(th:nth-child(11)) th"]["writing-mode"] == "vertical-rl"
-        assert float(rules["table"]["font-size"].removesuffix("pt")) >= 7.0
-
-    def test_prints_headings_and_captions_with_what_they_name(self, page):
-        rules = printed_rules(page.source)
-        assert rules["h1, h2, h3, figcaption:first-child"]["break-after"] == "avoid"
-        assert rules["figure, tr, li"]["break-inside"] == "avoid"
-        assert rules[".notes"]["break-before"] == "avoid"
-
     def test_prints_two_figures_on_a_page(self, page, small_paper):
         """Of US letter, beside their captions, with letters of 7 points or more; one law for all modes fills a page."""
         figures = [figure for step in small_paper.steps for figure in step.figures]
@@ -200,11 +164,6 @@ class TestPage:
         assert {label for label, (_, height) in sizes.items() if 2 * scale * float(height) > 72 * 9.6} == set()
         assert {width for width, _ in sizes.values()} == {f"{72 * PAGE_WIDTH:.1f}"}
 
-    def test_prints_black_on_white(self, page):
-        """Also where the screen is dark: the rules for print follow those for dark screens."""
-        assert printed_rules(page.source)[":root"].items() >= {"--ink": "#000", "--paper": "#fff"}.items()
-        assert page.source.index("@media print") > page.source.index("@media (prefers-color-scheme: dark)")
-
     def test_breaks_no_line_between_a_number_and_its_unit_or_sign(self, page):
         cells = [data for tag, data in page.texts if tag == "td"]
         assert [cell for cell in cells if re.search(r"\d %$|± \d", cell)] == []
@@ -213,13 +172,6 @@ class TestPage:
         texts = [data for tag, data in page.texts if tag in ("p", "li", "figcaption")]
         assert [text for text in texts if re.search(r"\d (%|Hz|mm|m|s|1/s|1/m)(?![\w/])", text)] == []
         assert any("\u00a0%" in text for text in texts) and any("\u00a0Hz" in text for text in texts)
-
-    def test_the_numbers_of_the_contents_have_a_place_in_every_column(self, page):
-        """An indented list would give it to the first column only."""
-        contents = page.source[page.source.index("<nav") : page.source.index("</nav>")]
-        assert "Table\u00a02, Figure\u00a05" in contents
-        assert re.search(r"nav ol \{[^}]*column-gap: [^}]*padding: 0;", page.source)
-        assert re.search(r"nav li \{[^}]*margin-left: 2rem;", page.source)
 
 
 @pytest.mark.slow

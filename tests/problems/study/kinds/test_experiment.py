@@ -96,18 +96,6 @@ def test_quadratic_damping_falls_with_the_amplitude_and_generic_damping_does_not
 
 
 @pytest.mark.slow
-def test_both_integrators_agree(third):
-    """Motion around the stop and damping ratio, by methods that have nothing in common."""
-    run = RequestedRun(mode=2, amplitude=4e-3, stop=0.4)
-    case = replace(third, run=run, terms=LAWS["quadratic"], window=0.2)
-    radau, idas = case.result(), replace(case, method="idas").result()
-    extent = np.abs(radau.stop_motion).max()
-    assert np.abs(radau.stop_motion - idas.stop_motion).max() < 5e-3 * extent
-    assert idas.numbers["damping_ratio"] == pytest.approx(radau.numbers["damping_ratio"], rel=0.02)
-    assert idas.numbers["steps"] > 5 * radau.numbers["steps"]
-
-
-@pytest.mark.slow
 def test_what_figures_show_is_the_motion(third):
     """Relative to the clamp, from zero on, around the stop, and over the last period.
 
@@ -151,10 +139,7 @@ def test_participation_of_a_uniform_cantilever(paper_beam, mode, gamma):
 @pytest.mark.parametrize(
     ("terms", "message"),
     [
-        (
-            ({"law": "cubic"},),
-            "damping: law: must be one of rayleigh, quadratic, friction, viscoelastic, modal, sum, got 'cubic'",
-        ),
+        (({"law": "cubic"},), "damping: law: must be one of rayleigh, quadratic,"),
         (({"law": "quadratic", "eta1": -1.0},), "eta1"),
         (({"law": "modal", "ratios": [0.01, 0.01], "frequencies": [1.0]},), "frequencies"),
     ],

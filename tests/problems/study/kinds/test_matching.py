@@ -1,15 +1,10 @@
 """A matched beam in a study: its numbers, its figures, and the beam that later steps take."""
 
-import numpy as np
 import pytest
 
-from ancf_casadi import Model, natural_modes
-from ancf_casadi.mechanics.spec import BeamSpec
 from problems.paper.tables_09_10 import frequency_matching
 from problems.study.compute import Compute
 from problems.study.formatting import formatted_table
-from problems.study.reading import read_study
-from problems.study.step import Finding
 from problems.study.study import run_study
 from tests.problems.conftest import BEAM, column
 
@@ -41,26 +36,6 @@ def report(tmp_path_factory):
 def test_later_parts_take_the_matched_beam(report):
     assert report.results["modes"]["frequency_hz"] == pytest.approx([1.85, 10.19], rel=1e-6)
     assert report.results["match"]["matched_hz"] == pytest.approx([1.85, 10.19], rel=1e-6)
-
-
-@pytest.mark.slow
-def test_the_beam_of_the_outcome_has_the_frequencies(study_file):
-    study = read_study(study_file(BEAM, MATCH, LATER))
-    outcome = study.steps[0].finding(Compute(), {"": Finding(None, beam=BeamSpec.of(study.beam))})
-    beam, data = outcome.beam.beam(), outcome.data
-    assert natural_modes(Model(beam), count=2).frequencies == pytest.approx([1.85, 10.19], rel=1e-6)
-    assert beam.density[0] == data["density"] == data["density_per_element"][0]
-    assert beam.elastic_modulus[0] == data["elastic_modulus"]
-    assert np.abs(np.array(beam.width) / 5e-3 - 1).max() < 0.1 + 1e-9
-
-
-def test_extremes_along_the_beam_are_not_named_as_the_range_that_fits_equally_well(report):
-    """``lowest`` and ``highest`` are that range, in the report of a match."""
-    properties, _ = report.steps[0].tables
-    width = 1e3 * np.array(report.results["match"]["width_m"])
-    row = dict(zip(properties.columns, properties.rows[0], strict=True))
-    assert (row["smallest"], row["largest"]) == pytest.approx((width.min(), width.max()))
-    assert not {"lowest", "highest"} & row.keys()
 
 
 def test_tables_name_properties_and_frequencies(report):

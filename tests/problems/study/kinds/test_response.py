@@ -32,7 +32,11 @@ def test_the_table_response_adds_its_curves_to_a_study(study_file, tmp_path):
         assert level["curve"]["frequency_hz"] == curve.frequencies.tolist()
         assert level["curve"]["points"]["tip"]["amplitude_m"] == curve.amplitude().tolist()
         assert level["curve"]["stable"] == curve.stable.tolist()
-    assert not all(found.results["response"][1]["curve"]["stable"])
+    curve = found.results["response"][1]["curve"]  # of mode 2, which softens: it jumps at its folds
+    upper, lower = (fold["frequency_hz"] for fold in curve["bifurcations"])
+    assert (curve["jumps_up_hz"], curve["jumps_down_hz"]) == ([upper], [lower])
+    assert lower < upper and not all(curve["stable"])
+    assert curve["peak_damping_ratio"] == pytest.approx(0.003, rel=0.1)
     assert (tmp_path / "results" / "figures").exists()
 
 

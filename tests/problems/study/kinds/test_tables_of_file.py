@@ -35,13 +35,6 @@ def clamp(path, amplitude: float) -> None:
                comments="")  # fmt: skip
 
 
-@pytest.mark.slow
-def test_the_frequencies_are_those_of_the_beam(study_file, tmp_path):
-    report = run_study(study_file(BEAM, '[[steps]]\nkind = "modes"\nmodes = 3\n'), tmp_path / "results")
-    beam = Beam.from_toml(tmp_path / "study.toml")
-    assert report.results["modes"]["frequency_hz"] == natural_modes(Model(beam), count=3).frequencies.tolist()
-
-
 def test_without_a_folder_nothing_is_written_and_the_reports_are_there(study_file, tmp_path):
     path = study_file(BEAM, '[[steps]]\nkind = "modes"\nmodes = 2\n')
     before = sorted(tmp_path.iterdir())
@@ -94,7 +87,7 @@ def test_a_motion_is_computed_again_if_a_file_changes(study_file, tmp_path):
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("unknowns", "first"),
-    [(["elastic_modulus"], {}), (["bending_stiffness", "tip_mass"], {"tip_mass": 1e-3}), (["density"], {})],
+    [(["bending_stiffness", "tip_mass"], {"tip_mass": 1e-3}), (["density"], {})],
 )
 def test_a_fit_shows_the_identified_beam_first_and_calls_the_guess_a_guess(study_file, tmp_path, unknowns, first):
     text = BEAM.replace("elements = 3", "\n".join(["elements = 6", *(f"{k} = {v}" for k, v in first.items())]))

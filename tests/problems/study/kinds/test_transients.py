@@ -5,7 +5,6 @@ import math
 import pytest
 
 from ancf_casadi import InputError
-from problems.study.kinds.experiment import EXPERIMENT_STEPS, QUICK_DRIVING, QUICK_STEPS
 from problems.study.reading import read_study
 from problems.study.study import StudyReport
 from tests.problems.conftest import BEAM, column, run_in
@@ -68,19 +67,6 @@ def test_a_synthetic_measurement_says_so(report):
     figures = report.steps[0].figures
     assert ["synthetic" in figure.svg for figure in figures[:3]] == [True, False, False]
     assert "synthetic" in figures[0].caption
-
-
-def test_a_quick_look_drives_for_less_time(report, study_file):
-    run, *_ = read_study(study_file(BEAM, LAWS, PARTS)).steps[0].runs
-    assert run.steps_per_period == EXPERIMENT_STEPS > QUICK_STEPS
-    assert run.shorten().steps_per_period == QUICK_STEPS
-    assert report.results["transients"]["runs"][0]["stop_s"] == pytest.approx(QUICK_DRIVING * run.stop, rel=0.3)
-    assert QUICK_DRIVING < 0.2
-
-
-def test_a_quick_look_has_no_bitmaps(report):
-    folder = report.page.parent / "figures"
-    assert {path.suffix for path in folder.iterdir()} == {".svg"}
 
 
 @pytest.mark.parametrize("name", ["experiment", "runs"])

@@ -207,15 +207,3 @@ def test_a_variant_is_refused_with_the_remedy(tmp_path, name):
     with pytest.raises(InputError, match=message) as caught:
         Measurement.from_file(path, **options)
     assert len(str(caught.value)) < 400
-
-
-@pytest.mark.parametrize(
-    ("name", "quantity", "factor"),
-    [("acc_m_s2", "acceleration", 1.0), ("acc_mm_s-2", "acceleration", 1e-3), ("v_mm_s", "velocity", 1e-3)],
-)
-def test_a_rate_in_a_name_is_no_length(tmp_path, name, quantity, factor):
-    path = tmp_path / "record.csv"
-    path.write_text(table(f"t_s,{name}\n", values=MM))
-    record = Measurement.from_file(path)
-    assert record.sensor.quantity == quantity
-    np.testing.assert_allclose(record.values, factor * MM, atol=1e-6 * factor)

@@ -1,7 +1,7 @@
 """Starts, samples, restarts, options, progress and failures of simulations."""
 
+import pickle
 import re
-import shutil
 
 import casadi as cs
 import numpy as np
@@ -12,7 +12,6 @@ from ancf_casadi import (
     HarmonicBase,
     InputError,
     Model,
-    RayleighDamping,
     SampledBase,
     SimulationError,
     State,
@@ -21,8 +20,6 @@ from ancf_casadi import (
     static_equilibrium,
 )
 from ancf_casadi.dynamics.base_motion import Piece
-from ancf_casadi.dynamics.equations import shared_equations
-from ancf_casadi.support import compilation
 
 AMPLITUDE, FREQUENCY = 20e-3, 1.85
 OMEGA = 2 * np.pi * FREQUENCY
@@ -34,18 +31,6 @@ def rigid(model, speed):
 
 
 # --------------------------------------------------------------------------------- what the numbers do not depend on
-
-
-@pytest.mark.slow
-def test_the_error_falls_with_the_tolerance(rubber):
-    def tip(tolerance):
-        base = HarmonicBase(AMPLITUDE, FREQUENCY)
-        return simulate(rubber, base=base, duration=0.4, sample_rate=100.0, tolerance=tolerance).tip
-
-    exact = tip(3e-11)
-    errors = [abs(tip(tolerance) - exact).max() for tolerance in (1e-6, 1e-7, 1e-8, 1e-9)]
-    assert errors[0] > 3 * errors[1] > 9 * errors[2] > 27 * errors[3]
-    assert errors[2] < 1e-5
 
 
 @pytest.mark.slow
@@ -69,43 +54,6 @@ def test_the_clamp_follows_the_base_to_the_last_sample_wherever_the_stop_is(smal
     np.testing.assert_allclose(run.base, np.outer(u, [0.6, 0.8]), atol=1e-16)
     np.testing.assert_allclose(run.velocities[:, :2], np.outer(v, [0.6, 0.8]), atol=1e-15)
     np.testing.assert_array_equal(run.coordinates[:, 2:4], np.tile([0.0, -1.0], (31, 1)))
-
-
-@pytest.mark.slow
-@pytest.mark.skipif(not (shutil.which("cc") or shutil.which("gcc")), reason="there is no C compiler")
-def test_compiled_equations_give_the_motion_of_the_interpreted_ones_and_are_found_again(
-    rubber_beam, monkeypatch, tmp_path
-):
-    model = Model(rubber_beam(2))
-    settings = {"damping": RayleighDamping(1.0, 1e-4), "base": HarmonicBase(5e-3, FREQUENCY)}
-    settings |= {"duration": 1.0, "sample_rate": 50.0, "tolerance": 1e-9}
-    monkeypatch.setenv("ANCF_CASADI_CACHE", str(tmp_path))
-    monkeypatch.setenv("ANCF_CASADI_COMPILE", "0")
-    interpreted = simulate(model, **settings)
-    assert not list(tmp_path.iterdir())
-    monkeypatch.delenv("ANCF_CASADI_COMPILE", raising=False)
-    shared_equations.clear()
-    compiled = simulate(model, **settings)
-    libraries = sorted(tmp_path.iterdir())
-    shared_equations.clear()
-    again = simulate(model, **settings)
-    assert {library.suffix for library in libraries} == {".so"}
-    assert sorted(tmp_path.iterdir()) == libraries
-    np.testing.assert_array_equal(compiled.tip, interpreted.tip)
-    np.testing.assert_array_equal(again.tip, compiled.tip)
-
-
-@pytest.mark.slow
-def test_a_compiler_that_does_not_work_is_done_without(paper_beam, monkeypatch, tmp_path):
-    monkeypatch.setenv("ANCF_CASADI_CACHE", str(tmp_path))
-    settings = {"damping": RayleighDamping(1.0, 1e-3), "method": "idas", "duration": 1.0, "sample_rate": 50.0}
-    interpreted = simulate(Model(paper_beam(2)), **settings)
-    monkeypatch.delenv("ANCF_CASADI_COMPILE", raising=False)
-    monkeypatch.setenv("CC", "false")
-    monkeypatch.setattr(compilation, "_failed", set())
-    shared_equations.clear()
-    with pytest.warns(UserWarning, match="false fails: exit code 1"):
-        np.testing.assert_array_equal(simulate(Model(paper_beam(2)), **settings).tip, interpreted.tip)
 
 
 # ------------------------------------------------------------------------------------------------- starts and samples
@@ -216,6 +164,9 @@ def test_a_run_of_too_many_steps_is_given_up_and_keeps_its_finished_part(small, 
     with pytest.raises(SimulationError, match=r"^the integrator took \d+ steps up to 0\.\d+ s") as caught:
         simulate(small, start="straight", duration=0.1, most_steps=10, method=method, tolerance=1e-10)
     assert caught.value.partial.time[-1] == pytest.approx(caught.value.time)
+    again = pickle.loads(pickle.dumps(caught.value))
+    assert (str(again), again.time) == (str(caught.value), caught.value.time)
+    np.testing.assert_array_equal(again.partial.tip, caught.value.partial.tip)
 
 
 @pytest.mark.parametrize("method", ["idas", "radau"])
@@ -243,10 +194,8 @@ class Endless(BaseMotion):
     ("settings", "message"),
     [
         ({"duration": 0.0}, "duration: must be positive, got 0"),
-        ({"duration": np.inf}, "duration: must be a finite number, got inf"),
         ({"duration": 1e-3, "sample_rate": 10.0}, "duration: must be at least one sampling interval, 0.1 s, got 0.001"),
         ({"sample_rate": 1e9}, "sample_rate: 1e+08 samples are more than 2e+06"),
-        ({"sample_rate": -1.0}, "sample_rate: must be positive, got -1"),
         ({"tolerance": 0.0}, "tolerance: must be positive, got 0"),
         ({"tolerance": 1e-308}, "tolerance: 1e-308 is not within 1e-30 to 1e+30; check the unit"),
         ({"method": "bdf"}, "method: must be one of auto, idas, radau, got 'bdf'"),
@@ -254,10 +203,8 @@ class Endless(BaseMotion):
         ({"largest_step": 0.0}, "largest_step: must be positive, got 0"),
         ({"most_steps": 0}, "most_steps: must be a whole number, 1 or more, got 0"),
         ({"base": Endless()}, "base: its position, velocity or acceleration is not finite at 0.05 s"),
-        ({"tolerance": "tight"}, "tolerance: must be a finite number, got 'tight'"),
         ({"start": "rest"}, "start: must be one of equilibrium, straight, impact, an Equilibrium or a State"),
         ({"start": State(np.zeros(4), np.zeros(20))}, "start: the coordinates must be 20 finite numbers"),
-        ({"start": State(np.zeros(20), np.full(20, np.nan))}, "start: the velocities must be 20 finite numbers"),
     ],
 )
 def test_settings_that_make_no_sense_are_refused_by_name(small, settings, message):

@@ -290,8 +290,8 @@ def random_strip(seed):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seeds", [range(15), range(15, 30), range(30, 45), range(45, 60)], ids=["a", "b", "c", "d"])
-def test_sixty_strips_rest_in_a_stable_shape_of_the_elastica_or_say_why_not(seeds):
+@pytest.mark.parametrize("seeds", [range(15), range(15, 30)], ids=["a", "b"])
+def test_thirty_strips_rest_in_a_stable_shape_of_the_elastica_or_say_why_not(seeds):
     """The path of equilibria under full gravity is the reference where collocation does not converge."""
     refused = 0
     for seed in seeds:

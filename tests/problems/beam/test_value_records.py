@@ -161,10 +161,8 @@ class TestInput:
         [
             ({"values": [1.0, 2.0]}, r"values: must have the shape \(1, 1\)"),
             ({"values": [np.nan]}, "values: must be finite, or nan"),
-            ({"values": [np.inf]}, "values: must be finite, or nan"),
             ({"values": [0.0]}, "std: is needed"),
             ({"std": 0.0}, "std: must be positive"),
-            ({"std": [1.0, 2.0, 3.0]}, "std: must be one number"),
             ({"sensors": Sensor("velocity")}, "sensors: velocity has no reading at rest"),
             ({"sensors": Sensor("force", frame="body")}, "the direction must be in the laboratory"),
             ({"sensors": Sensor(point=0.6)}, "the point must be on the beam"),
@@ -183,9 +181,7 @@ class TestInput:
         ("changes", "message"),
         [
             ({"frequencies": [1.0, -2.0]}, "frequencies: must be positive"),
-            ({"frequencies": []}, "frequencies: must be a sequence"),
             ({"modes": (2, 1)}, "modes: must be 2 ascending numbers"),
-            ({"modes": (1,)}, "modes: must be 2 ascending numbers"),
             ({"modes": (0, 1)}, "modes: must be a whole number"),
             ({"modes": np.array(1.0)}, "modes: must be numbers of modes, got"),
             ({"std": -1.0}, "std: must be positive"),

@@ -71,13 +71,13 @@ def test_a_clean_record_has_no_outlier():
 @pytest.mark.slow
 def test_records_with_outliers_are_fitted_as_those_without():
     covered = 0
-    for seed in range(200):
+    for seed in range(100):
         time, values, frequency, ratio, _ = record_with_outliers(seed, 1 + 19 * (seed % 2))
         try:
             covered += covers(fit_decay(time, values), frequency, ratio)
         except AncfError:
             continue
-    assert covered >= 196
+    assert covered >= 98
 
 
 # Random responses
@@ -93,7 +93,7 @@ def random_response(seed, frequency, ratio, periods, samples_per_period=30.0, se
     return np.arange(size) / rate, 100 * values[before:]
 
 
-@pytest.mark.parametrize(("count", "least"), [(10, 9), pytest.param(200, 196, marks=pytest.mark.slow)])
+@pytest.mark.parametrize(("count", "least"), [(10, 9), pytest.param(100, 98, marks=pytest.mark.slow)])
 def test_random_responses_are_refused(count, least):
     """Those that fade within the record may look like a free decay at its end."""
     refused = 0
@@ -246,13 +246,13 @@ def test_one_release_is_one_take():
 @pytest.mark.slow
 def test_the_last_of_several_releases_is_fitted():
     covered = 0
-    for seed in range(200):
+    for seed in range(100):
         time, values, frequency, ratio, _ = record_of_takes(seed, 2 + seed % 4)
         try:
             covered += covers(fit_decay(time, values), frequency, ratio)
         except FitError:  # named
             covered += 1
-    assert covered >= 196
+    assert covered >= 98
 
 
 # Heavily damped, in any unit of time, and quantised
@@ -286,13 +286,13 @@ def test_a_heavily_damped_release_from_rest_is_fitted(ratio):
 @pytest.mark.slow
 def test_heavily_damped_releases_are_fitted():
     covered = 0
-    for seed in range(200):
+    for seed in range(100):
         time, values, frequency, ratio = heavy_release(seed)
         try:
             covered += covers(fit_decay(time, values), frequency, ratio)
         except AncfError:
             continue
-    assert covered >= 196
+    assert covered >= 98
 
 
 @pytest.mark.parametrize("unit", [1e-9, 1e-4, 1e7])
@@ -333,11 +333,11 @@ def test_an_oscillation_within_a_few_steps_is_refused(law):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("fewest", "most", "least"), [(1.6, 8.0, 98), (1.6, 3.2, 98), (0.6, 1.6, 20)])
+@pytest.mark.parametrize(("fewest", "most", "least"), [(1.6, 3.2, 59), (0.6, 1.6, 12)])
 def test_quantised_records_are_fitted_or_refused(fewest, most, least):
     """The error of rounding is systematic, and a fit follows it."""
     fitted = refused = 0
-    for seed in range(100):
+    for seed in range(60):
         rng = np.random.default_rng(seed)
         frequency, size = rng.uniform(0.8, 8.0), int(rng.integers(600, 6000))
         time = np.arange(size) / (frequency * rng.uniform(12, 100))
@@ -348,7 +348,7 @@ def test_quantised_records_are_fitted_or_refused(fewest, most, least):
             fitted += covers(fit_decay(time, 1e-3 * step * np.round(values / step)), frequency, ratio)
         except FitError as error:
             refused += "resolution" in str(error)
-    assert fitted + refused >= 98
+    assert fitted + refused >= 59
     assert fitted >= least
 
 

@@ -9,6 +9,7 @@ import runpy
 import shlex
 import time
 import urllib.parse
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
@@ -37,7 +38,8 @@ def answer(headers=(), query="", kind="http"):
     headers = {"host": ADDRESS} | dict(headers)
     encoded = [(name.encode(), value.encode()) for name, value in headers.items()]
     scope = {"type": kind, "headers": encoded, "query_string": query.encode()}
-    asyncio.run(Guard(application, TOKEN, ADDRESS)(scope, None, send))
+    with ThreadPoolExecutor(1) as other_thread:  # in this one, the browser's event loop may run
+        other_thread.submit(asyncio.run, Guard(application, TOKEN, ADDRESS)(scope, None, send)).result()
     return sent
 
 

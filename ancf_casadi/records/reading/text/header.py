@@ -37,7 +37,9 @@ BRACKETED = re.compile(r"[(\[{<][^()\[\]{}<>]*[)\]}>]")
 NONE = frozenset({"", "-", "--", "[]", "()", "[-]", "(-)", "1", "none", "Value", "Values", "value", "values"})
 ABOUT_UNITS = re.compile(r"\b(?:units?|einheit(?:en)?|unités?|unidad(?:es)?)\b", re.IGNORECASE)
 STATED_UNIT = re.compile(rf".*(?:{ABOUT_UNITS.pattern})\s*[,;:=\t]?\s*\"?([^\s,;:=\"]+)\"?[\s,;]*", re.IGNORECASE)
-AXIS_STATED = re.compile(r"([xy])[ -]?axis(?:[ -]units?)?\s*[:=](?:.*\s)?\s*\"?\[?([^\s\"\]]+)\]?\"?", re.IGNORECASE)
+AXIS_STATED = re.compile(
+    r"([xy])[ -]?axis(?:[ -]units?)?\s*[:=](?:.*\s)?\s*[\"\[(]*([^\s\"\])]+)[\"\])]*", re.IGNORECASE
+)
 AXIS = re.compile(r"(?:pos(?:ition)?[ _.]*)?[xyz]\d*", re.IGNORECASE)
 VALUE = (
     r"\s*(?:\((?:hz|s|sec)\)|\[(?:hz|s|sec)\])?\s*[,;:=\t ]\s*\"?(\d+(?:\.\d*)?(?:e[+-]?\d+)?)\"?[ ,;\t]*([a-zµμ/]*)"

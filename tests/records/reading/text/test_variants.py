@@ -97,6 +97,7 @@ READ = {
         lines(lambda k, t, y: f"{k + 17},{y:.6f}", "frame,x_mm\n"), {"sample_rate": 100.0},
     ),
     "Testlab (Siemens)": (table("Test: 1\nX-axis: Time s\nY-axis: Displacement mm\n\n", "\t"), {}),
+    "axes with units in brackets": (table("% X axis: Time (ms)\n% Y axis: tip [mm]\n", time=1e3 * TIME), {}),
     "Pulse (Bruel and Kjaer)": (
         lines(lambda k, t, y: f"{k}\t{t:.4f}\t{y:.6f}",
               "X-axis label:\tTime\nX-axis unit:\ts\nY-axis unit:\tmm\nPoint\tX\tY\n"), {},

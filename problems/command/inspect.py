@@ -15,7 +15,7 @@ import numpy as np
 
 from ancf_casadi.decay.spectrum import peak_frequencies, step_frequency
 from ancf_casadi.exceptions import InputError
-from ancf_casadi.records.channel import RecordedChannel, Recording, is_time, widest_channel
+from ancf_casadi.records.channel import RecordedChannel, Recording, is_counter, is_time, widest_channel
 from ancf_casadi.records.layout import TableLayout
 from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.records.processing import quality_warnings, sampling
@@ -93,7 +93,7 @@ def _summary(channel: RecordedChannel) -> dict[str, Any]:
     present = ~np.isnan(channel.values)
     values = channel.values[present]
     usable = bool(len(values)) and not channel.fault
-    even = _resample_evenly(channel) if usable else None
+    even = _resample_evenly(channel) if usable and not is_counter(channel) else None
     return {
         "number": channel.number, "name": channel.name, "unit": channel.symbol,
         "quantity": channel.unit.quantity if channel.unit else "", "samples": len(values),

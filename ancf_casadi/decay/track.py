@@ -131,7 +131,10 @@ def fit_loss_rates(amplitude: Array, losses: Sequence[Array]) -> tuple[float, li
 
 
 def fit_free_tails(k: Array, z: ComplexArray) -> tuple[ComplexArray, Array]:
-    """Return ln q of the free decay from each window to the last, and its misfit, by weighted regression of ln z."""
+    """Return ln q (k,) of the free decay a q^k from each window to the last, and its misfit (k,).
+
+    Both follow from a regression of ln z with the weights |z|^2, since an error of z is |z| times one of ln z.
+    """
     w = np.abs(z) ** 2
     logarithm = np.log(np.abs(z)) + 1j * np.unwrap(np.angle(z))
 
@@ -140,8 +143,8 @@ def fit_free_tails(k: Array, z: ComplexArray) -> tuple[ComplexArray, Array]:
 
     s0, s1, s2 = sum_from(w), sum_from(w * k), sum_from(w * k**2)
     f0, f1, f2 = sum_from(w * logarithm), sum_from(w * k * logarithm), sum_from(w * np.abs(logarithm) ** 2)
-    spread = s2 - s1**2 / s0
-    spread[-1] = 1.0
+    spread = np.maximum((s2 - s1**2 / s0).real, np.finfo(float).tiny)
+    spread[-1] = 1.0  # a single window has no slope
     log_q = (f1 - s1 * f0 / s0) / spread
     misfit = (f2 - np.abs(f0) ** 2 / s0 - np.abs(log_q) ** 2 * spread).real
     return log_q, np.maximum(misfit, 0.0)

@@ -61,7 +61,7 @@ def set_up(
     start: Start | Equilibrium | State,
     make: Make = as_they_are,
 ) -> MotionSetup:
-    """Check the arguments, those of ``simulate``, and return the setup of the motion; ``make`` as of ``Equations``."""
+    """Check arguments of ``simulate``, and return the setup of the motion; ``make`` is an argument of ``Equations``."""
     check_instance(model, "model", Model)
     check_instance(damping, "damping", DampingLaw, NoneType)
     check_instance(base, "base", BaseMotion, NoneType)

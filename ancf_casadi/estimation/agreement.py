@@ -144,7 +144,7 @@ class Agreement:
 
     @property
     def outlier(self) -> int | None:
-        """Index of the one estimate without which three or more others agree; None if they agree, or if none is."""
+        """Index of the only estimate without which the others, three or more, agree; None if all agree."""
         count = len(self.values)
         if self.agrees or count < 4:
             return None

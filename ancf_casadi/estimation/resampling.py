@@ -291,7 +291,7 @@ def _run(fit: FitResult, seed: np.random.SeedSequence, method: Method, block: in
 
 
 def _noise(fit: FitResult, rng: np.random.Generator, method: Method, block: int) -> Array:
-    """Return noise of each residual (m,); residuals of a fit with known standard deviations are in units of these."""
+    """Return noise (m,) to add to the residuals of a fit, in units of the standard deviations if these are known."""
     if not isinstance(fit, LeastSquaresResult):
         return rng.standard_normal(fit.residual_count)
     noise, residuals, freedom, m = fit.fit.noise, fit.fit.residuals, fit.fit.degrees_of_freedom, fit.residual_count

@@ -69,10 +69,10 @@ def match_figure(targets: Array, standard: Array, matched: Array, initial_beam: 
 def _draw_properties(figure: SubFigure, initial_beam: Beam, matched_beam: Beam, ranges: Mapping[str, Array]) -> None:
     """Draw the relative change of the properties along a beam, and the ranges that fit equally well.
 
-    ``ranges`` holds the lowest and highest relative change of each element, (n, 2), or of all elements, (1, 2), of each
-    property to draw.
+    ``ranges`` holds the lowest and highest relative change of each property to draw: (n, 2) by element, or (1, 2) for
+    all elements.
     """
-    edges = 1e3 * np.linspace(0.0, matched_beam.length, matched_beam.elements + 1)
+    edges = 1e3 * matched_beam.node_points
     plots = figure.subplots(len(ranges), 1, sharex=True, squeeze=False).ravel()
     for axes, name in zip(plots, (name for name in (*PROPERTIES, *COMBINED) if name in ranges), strict=True):
         change = 100 * (np.array(getattr(matched_beam, name)) / np.array(getattr(initial_beam, name)) - 1)

@@ -158,16 +158,19 @@ class Model(Nodes):
         return np.array(rows)
 
     def _attachment_group(self, name: str) -> Group:
-        """Return the element of a lumped property of a support or attachment."""
+        """Return the group of the element that a lumped property of a support or attachment stands for.
+
+        The constants of a spring or dashpot are its position, or slope, at rest in the frame of the base, and its axis.
+        """
         place = self.beam.lumped_places[name]
-        kind, component = place.kind, getattr(self.beam, place.owner)[place.number]
-        no_columns, node, lumped = slice(0), self.nodes_of(component.point), {name: self.beam.lumped[name]}
+        kind, item = place.kind, getattr(self.beam, place.owner)[place.number]
+        no_columns, node, lumped = slice(0), self.nodes_of(item.point), {name: self.beam.lumped[name]}
         if kind in POINT_INERTIAS:
             return Group(POINT_INERTIAS[kind](), node[None], no_columns, np.zeros((0, 1)), lumped)
         base_and_node = np.concatenate([np.arange(NODE), node])[None]
         position, slope = self.straight[node[:2]], self.straight[node[2:]]
         if kind in ("clamp_stiffness", "rotational_spring"):
-            angle = getattr(component, "rotation", 0.0)
+            angle = getattr(item, "rotation", 0.0)  # of a clamp
             slope = np.array([[math.cos(angle), -math.sin(angle)], [math.sin(angle), math.cos(angle)]]) @ slope
             constants = np.array([*self._base_frame_matrix(slope)[:, 0], *self.beam.axis])
             return Group(rotational_spring(), base_and_node, no_columns, constants[:, None], lumped)

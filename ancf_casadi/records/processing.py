@@ -238,7 +238,7 @@ def _runs(equal: NDArray[np.bool_]) -> Index:
 
 
 def _aliasing_warning(time: Array, values: Array) -> str:
-    """Return a warning if the spectrum of an even record has a peak next to half the sampling rate, else ''."""
+    """Return a warning if an evenly sampled record has a spectral peak next to half its rate, else an empty text."""
     size = 2 * len(values) // (PERIODOGRAMS + 1)
     if len(np.unique(values)) < 50:  # coarse quantisation causes lines too
         return ""
@@ -246,10 +246,9 @@ def _aliasing_warning(time: Array, values: Array) -> str:
     if size < MIN_SEGMENT or np.abs(steps - np.median(steps)).max() > 0.1 * np.median(steps):
         return ""
     window = np.hanning(size)
-    swing = values - values.mean()
-    segments = [swing[k * size // 2 :][:size] for k in range(PERIODOGRAMS)]
+    segments = [values[k * size // 2 :][:size] for k in range(PERIODOGRAMS)]
     power = np.mean([np.abs(np.fft.rfft(window * (segment - segment.mean()))) ** 2 for segment in segments], axis=0)
-    relative = np.arange(len(power)) / (len(power) - 1)  # of half the sampling rate
+    relative = 2 * np.arange(len(power)) / size  # frequency over half the sampling rate
     edge, upper_third = power[relative > 0.96], power[relative > 2 / 3]
     band_below = power[(relative > 0.8) & (relative < 0.94)]
     highest = float(edge.max())

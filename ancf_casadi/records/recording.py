@@ -135,7 +135,10 @@ def _from_column(recording: Recording, time: str | int | None, unit: Unit | None
 
 
 def _from_rate(recording: Recording, rate: float, time: str | int | None) -> Recording:
-    """Return times from the sampling rate, and from frame numbers if there are any."""
+    """Give the channels their times from the sampling rate, by frame numbers if a single column has them.
+
+    Frame numbers keep the gaps of missing frames.
+    """
     counters = [channel for channel in recording.channels if is_counter(channel) and _increases(channel.values)]
     if time is not None:
         counters = [find_channel(recording.channels, time, "--time", recording.path)]
@@ -146,7 +149,10 @@ def _from_rate(recording: Recording, rate: float, time: str | int | None) -> Rec
                 f"column {counter.label} has times in {counter.symbol}; leave out --sample-rate, or --time",
                 recording.path,
             )
-        seconds = (counter.values - counter.values[0]) / rate
+        numbers = counter.values[np.isfinite(counter.values)]
+        if counter.fault or not numbers.size:
+            raise InputError(counter.fault or "has no numbers", f"{recording.path}: column {counter.label}")
+        seconds = (counter.values - numbers[0]) / rate
         return _on_times(recording, counter, seconds, (f"times from column {counter.label} at {rate:g} 1/s",))
     seconds = np.arange(max((len(channel.values) for channel in recording.channels), default=0)) / rate
     channels = tuple(replace(channel, time=seconds[: len(channel.values)]) for channel in recording.channels)

@@ -173,7 +173,7 @@ def backbone(
     damping, tolerance
         As in ``periodic_motion``.
     points : int
-        Smallest number of points.
+        Smallest number of points, at most 500.
 
     Raises
     ------
@@ -199,7 +199,7 @@ def backbone(
     1.8764 Hz, 0.85%
     """
     amplitude, tolerance = physical(amplitude, "amplitude"), positive(tolerance, "tolerance")
-    points = whole(points, "points", 2)
+    points = whole(points, "points", 2, MAX_BACKBONE_POINTS // 2)
     mode = whole(mode, "mode", 1)
     subject = excite(model, damping, mode=mode)
     whole(mode, "mode", 1, subject.system.size)

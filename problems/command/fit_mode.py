@@ -33,27 +33,27 @@ def add_fit_mode(parser: argparse.ArgumentParser) -> None:
 
 
 def run_fit_mode(options: argparse.Namespace) -> Output:
-    """Fit the mode."""
-    named = [*options.files, *options.curve]
-    if not named:
+    """Fit one mode to the decays and response curves of the named files."""
+    paths = [*options.files, *options.curve]
+    if not paths:
         raise InputError("give the file of a decay, or response curves", "FILE")
-    new_files(named, options.plot)
-    tables = [path for path in options.files if Path(path).suffix.lower() == ".toml"]
-    files = [path for path in options.files if path not in tables]
-    if not files:
+    new_files(paths, options.plot)
+    curve_tables = [path for path in options.files if Path(path).suffix.lower() == ".toml"]
+    decay_files = [path for path in options.files if path not in curve_tables]
+    if not decay_files:
         for name, given in given_options(options, *RECORD_KEYS).items():
             if given:
                 raise InputError("belongs to the file of a record; give the file of a decay too, or leave it out", name)
-    curves = [curve for path in tables for curve in read_curves(path)]
+    curves = [curve for path in curve_tables for curve in read_curves(path)]
     if options.frequency is not None and not options.curve:
         raise InputError("names a column of --curve; give its files there, or leave it out", "--frequency")
     curves += [
         ResponseRecord.from_file(path, frequency=options.frequency, excitation_unit="", progress=True)
         for path in options.curve
     ]
-    decays = [read_record(path, options) for path in files]
-    times = releases(options, len(files)) if files else []
-    with error_prefix(", ".join(named)):
+    decays = [read_record(path, options) for path in decay_files]
+    times = releases(options, len(decay_files)) if decay_files else []
+    with error_prefix(", ".join(paths)):
         fit = fit_mode(
             [*decays, *curves],
             release_times=[time for time in times if time is not None] or None,

@@ -101,13 +101,17 @@ def compare_decay_laws(
 
 
 def compare_models(decay: FreeDecay, models: Sequence[DecayModel]) -> LawComparison[DecayFit]:
-    """Fit models to a decay, those that lead to the best one, and select one by information criteria."""
+    """Fit models of a decay and select one by information criteria.
+
+    The fits begin with the frequency law that the track shows, and go on with the models that differ from the best one
+    so far in one choice.
+    """
     frequency_laws = list(dict.fromkeys(model.frequency_law for model in models))
     tracked_law = select_frequency_law(decay, frequency_laws)
     best = next(model for model in models if model.frequency_law == tracked_law)
     fits: dict[DecayModel, DecayFit] = {}
     failed: dict[DecayModel, str] = {}
-    lags: dict[DecayModel, float] = {}  # of the criterion of each fit behind the best
+    lags: dict[DecayModel, float] = {}  # by how much the criterion of each fit exceeds that of the best
     comparison: LawComparison[DecayFit] | None = None
     while candidates := _next_candidates(best, [model for model in models if model not in {*fits, *failed}], lags):
         for model in candidates:
@@ -160,39 +164,40 @@ def comparison_arguments(law: str, frequency_law: str | None, rest: str | None) 
 
 
 def _other_records(fits: Sequence[DecayFit], truth: int, rival: int) -> dict[str, Expectation]:
-    """Return what the comparison of two laws is expected to find on other records if one is true.
+    """Return, for each other record, what a comparison of two laws would find if the first were true.
 
-    A record that begins later begins with a smaller amplitude: the laws have no other memory.
+    A record that starts later has a smaller amplitude at its start, since the laws have no other memory.
     """
-    pair, best = (fits[truth], fits[rival]), min(fits, key=lambda fit: fit.fit.residual_rms)
-    time, noise_growth = np.asarray(pair[0].fit.times), max(best.fit.noise.inflation, 1.0)
+    true_fit, rival_fit = fits[truth], fits[rival]
+    best = min(fits, key=lambda fit: fit.fit.residual_rms)
+    time, noise_growth = np.asarray(true_fit.fit.times), max(best.fit.noise.inflation, 1.0)
     later_times = time + time[-1] + np.median(np.diff(time))
-    later_amplitude = cs.evalf(pair[0].model.amplitude(later_times[:1], *map(cs.MX, pair[0].fit.values.tolist())))
-    amplitude_ratio = float(later_amplitude) / pair[0].fit["e0"]
+    later_amplitude = cs.evalf(true_fit.model.amplitude(later_times[:1], *map(cs.MX, true_fit.fit.values.tolist())))
+    amplitude_ratio = float(later_amplitude) / true_fit.fit["e0"]
     records = {"twice the amplitude": (2.0, time), "twice the length": (1.0, np.concatenate([time, later_times])),
                "a later start": (amplitude_ratio, time)}  # fmt: skip
     expectations = {}
-    for name, (size, instants) in records.items():
-        exact = Measurement(instants, pair[0].decay.at(instants, _scaled_estimates(pair[0], size)))
+    for name, (scale, instants) in records.items():
+        exact = Measurement(instants, true_fit.decay.at(instants, _scaled_estimates(true_fit, scale)))
         try:
-            record_fits = [_fit_exact(fit, exact, size) for fit in pair]
-        except FitError:  # then nothing is said of this record
+            record_fits = [_fit_exact(fit, exact, scale) for fit in (true_fit, rival_fit)]
+        except FitError:  # no expectation for a record on which a law cannot be fitted
             continue
-        terms = [DAMPING_TERMS[fit.law] for fit in pair]
+        terms = [DAMPING_TERMS[fit.law] for fit in (true_fit, rival_fit)]
         expectations[name] = expectation(
             record_fits, terms, record_fits[1].residuals, best.fit.residual_rms, noise_growth
         )
     return expectations
 
 
-def _scaled_estimates(fit: DecayFit, size: float) -> dict[str, float]:
+def _scaled_estimates(fit: DecayFit, scale: float) -> dict[str, float]:
     """Return the estimates of a decay with another amplitude, relative to the fitted one."""
-    return fit.fit.estimates | {"e0": size * fit.fit["e0"]}
+    return fit.fit.estimates | {"e0": scale * fit.fit["e0"]}
 
 
-def _fit_exact(fit: DecayFit, exact: Measurement, size: float) -> Fit:
+def _fit_exact(fit: DecayFit, exact: Measurement, scale: float) -> Fit:
     """Return the fit of the laws of a fit to an exact decay with another amplitude, relative to the fitted one."""
-    unknowns = with_guesses(fit.fit.unknowns, _scaled_estimates(fit, size))
+    unknowns = with_guesses(fit.fit.unknowns, _scaled_estimates(fit, scale))
     block = DecayBlock.of([replace(fit.decay, record=exact, fitted=exact, share=1.0)])
     return fitted_once(FitProblem((block,), tuple(unknowns), advice="name the laws"))
 

@@ -169,7 +169,7 @@ class DecayFits(LeastSquaresResult, Sequence[DecayFit]):
         return f"{self.fits[0].title}, {len(self)} records"
 
     def table(self) -> Table:
-        """Return each quantity of the mode from each record alone, from all at once, and their mean with scatter."""
+        """Return a row for each record alone and for the fit to all, then means and scatter of the records."""
         names = [a.name for a in self.agreements]
         if not self.agreements:
             return super().table()

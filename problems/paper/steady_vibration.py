@@ -129,13 +129,13 @@ def resonance(beam: Beam, terms: Terms, amplitude: float, frequencies: tuple[flo
 def frequency_range(numbers: Mapping[str, Any]) -> tuple[float, float]:
     """Return the first and the last frequency of a curve, Hz, from the numbers of an experiment.
 
-    A mode that softens is on the upper branch of its curve above the resonance, where the curve therefore begins.  The
+    The curve begins above the resonance, because a mode that softens has its upper branch there.  The
     amplitude of the steady vibration is estimated by the growth of a linear vibration until the stop, and the change of
     frequency with the amplitude by the frequency of the decay.
     """
     natural, ratio = numbers["natural_frequency_hz"], numbers["expected_damping_ratio"]
     amplitude = numbers["requested_amplitude_m"] / -math.expm1(-2 * math.pi * natural * ratio * numbers["stop_s"])
     change = (numbers["frequency_hz"] / natural - 1) * (amplitude / numbers["amplitude_m"]) ** 2
-    # least distance of the last frequency below the natural one, relative to it
+    # the last frequency lies at most 3 % below the natural one
     lowest = 1 - min(RANGE_WIDTH * ratio - RANGE_MARGIN * min(change, 0.0), 0.03)
     return natural * (1 + RANGE_WIDTH * ratio + RANGE_MARGIN * max(change, 0.0)), natural * lowest

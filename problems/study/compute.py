@@ -70,21 +70,32 @@ class Store:
     Steps in several threads take turns, because CasADi builds the expressions of one thread at a time.  A step must
     hold the ``turn``, and gives it up while it waits for results.  A thread of each computation waits for the executor,
     and writes the result.
+
+    Parameters
+    ----------
+    folder : Path, optional
+        Folder of the kept results; none are kept without it.
+    make_executor : callable
+        Returns the executor when a computation must run, so that processes start only if they are needed.
+    threads : Executor, optional
+        Threads that wait for the results.
+    bar : tqdm, optional
+        Progress bar, which counts the computations that were not kept.
     """
 
     def __init__(
         self,
         folder: Path | None = None,
-        executor: Callable[[], Executor] = ThisThread,
+        make_executor: Callable[[], Executor] = ThisThread,
         threads: Executor | None = None,
         bar: Any = None,
     ) -> None:
         self.computations: dict[str, Future[Computation]] = {}  # by key
         self.turn = threading.Lock()
-        self._folder, self._executor, self._threads = folder, executor, threads or ThisThread()
+        self._folder, self._make_executor, self._threads = folder, make_executor, threads or ThisThread()
         self._bar: Any = tqdm(total=0, disable=True) if bar is None else bar
         self._running: list[Future[bytes]] = []
-        self._stopped, self._lock = False, threading.Lock()
+        self._stopped, self._lock = False, threading.Lock()  # of what computations in several threads change
 
     def start(self, function: Callable[..., Any], inputs: Sequence[Any]) -> str:
         """Start a computation unless it has started, and return its key."""
@@ -101,7 +112,7 @@ class Store:
             if self._stopped:
                 raise CancelledError
             self._bar.total += 1
-            self._running.append(future := self._executor().submit(run_function, function, inputs))
+            self._running.append(future := self._make_executor().submit(run_function, function, inputs))
         content = future.result()
         with self._lock:
             self._running.remove(future)

@@ -43,9 +43,11 @@ DOUBTED, CONTRADICTED = 0.2, 0.05
 def residual_noise(
     residuals: Array, basis: Array, series: Sequence[int], times: Array | None, stated: Mask | None, deviation: float
 ) -> Noise:
-    """Return the noise as ``estimated_noise`` does, with a standard deviation that the user states for some residuals.
+    """Return the noise of residuals (m,), some of which have the standard deviation that the user states.
 
-    The mask ``stated`` (m,) selects these; None for no residual.
+    ``basis`` (m, n) is an orthonormal basis of the columns of the Jacobian; ``series`` are the numbers of residuals in
+    each series, and ``times`` (m,), s, their instants.  The mask ``stated`` (m,) selects the residuals with the stated
+    ``deviation``; None for no residual.
     """
     if stated is None or not stated.any():
         return estimated_noise(residuals, basis, series, times)
@@ -63,6 +65,7 @@ def residual_noise(
     variances = [noise_of_stated.variance, noise_of_others.variance]
     noise = Noise(
         variance=float(np.average(variances, weights=[len(others) - count, count])),
+        # of a sum of variances, each weighted by its share of the n columns
         freedom=n / ((n - leverage) / noise_of_stated.freedom + leverage / noise_of_others.freedom),
         subsets=((stated, noise_of_stated), (others, noise_of_others)),
         p_value=noise_of_stated.p_value,

@@ -41,8 +41,9 @@ AXIS_STATED = re.compile(
     r"([xy])[ -]?axis(?:[ -]units?)?\s*[:=](?:.*\s)?\s*[\"\[(]*([^\s\"\])]+)[\"\])]*", re.IGNORECASE
 )
 AXIS = re.compile(r"(?:pos(?:ition)?[ _.]*)?[xyz]\d*", re.IGNORECASE)
-VALUE = (
-    r"\s*(?:\((?:hz|s|sec)\)|\[(?:hz|s|sec)\])?\s*[,;:=\t ]\s*\"?(\d+(?:\.\d*)?(?:e[+-]?\d+)?)\"?[ ,;\t]*([a-zµμ/]*)"
+VALUE = (  # separator, digits, exponent, and unit
+    r"\s*(?:\((?:hz|s|sec)\)|\[(?:hz|s|sec)\])?\s*([,;:=\t ])\s*"
+    r"\"?(\d+(?:[.,]\d+)?)\.?(e[+-]?\d+)?\"?[ ,;\t]*([a-zµμ/]*)"
 )
 RATE = re.compile(
     r"\"?(?:(?:sampl\w*|camera|capture|data|export|scan)[ _-]?(?:rate|freq(?:uency)?)|frequency|frame[ _-]?rate|"
@@ -59,9 +60,9 @@ Head = tuple[str, str, Unit | None]  # name of a column, its unit as written, an
 
 
 def read_heading(above: Sequence[tuple[int, str]], table: TableHead, path: str, names_row: int | None) -> list[Head]:
-    """Return names and units from the numbered lines above a table; other rows of numbers raise an ``InputError``.
+    """Return names and units from the numbered lines above a table; the line ``names_row`` holds the names, if given.
 
-    If ``names_row`` is not None, this line holds the names.
+    Without rows of names or units, a row of numbers above the table raises an ``InputError``.
     """
     filled = [(number, line) for number, line in above if line.strip()]
     rows: list[list[str]] = []
@@ -69,21 +70,25 @@ def read_heading(above: Sequence[tuple[int, str]], table: TableHead, path: str, 
         rows = [cells for number, line in filled if number > names_row and (cells := _cells(line, table))]
         rows.insert(0, _named_row(filled, names_row, table, path))
         filled = [(number, line) for number, line in filled if number < names_row]
-    below = 0
+    number_below = 0
     while filled and names_row is None and len(rows) < 8:
         number, line = filled[-1]
         cells = _cells(line, table)
-        if cells is None or (rows and (number < below - 1 or STATED_UNIT.fullmatch(strip_comment(line)))):
+        if cells is None or (rows and (number < number_below - 1 or STATED_UNIT.fullmatch(strip_comment(line)))):
             break
         rows.insert(0, _without_numbers(cells, table))
         filled.pop()
-        below = number
+        number_below = number
     for number, line in filled:
         if not is_comment(line) and not rows:
             _check_metadata(line, table, f"{path}, line {number}")
     metadata = [strip_comment(line) for _, line in filled]
     matches = [match for text in _statements(metadata) if (match := STATED_UNIT.fullmatch(text.strip()))]
-    stated = {unit.quantity: unit for match in matches if (unit := parse_unit(match[1]))}
+    units = [unit for match in matches if (unit := parse_unit(match[1]))]
+    stated = {unit.quantity: unit for unit in units}
+    for unit in units:
+        if unit.factor != stated.get(unit.quantity, unit).factor:
+            del stated[unit.quantity]  # lines that contradict each other state nothing
     heading = _with_marker_names(_heading(rows, table), metadata)
     if (completed := _with_axis_units(heading, metadata)) != heading:
         return completed
@@ -148,22 +153,33 @@ def _has_number(table: TableHead, cells: Sequence[str]) -> bool:
 
 
 def _statements(lines: Sequence[str]) -> list[str]:
-    """Return lines of metadata, their pieces, and pairs of pieces beside or below each other as ``name: value``."""
-    plain = [strip_comment(line).rstrip(",; \t") for line in lines]
-    pieces = [re.split(r"\s{2,}|[\t,;]\s*", text) for text in plain]
+    """Return the texts of metadata in which to look for ``name: value``, the most certain ones first.
+
+    These are whole lines, the pieces between separators, and two neighbouring pieces, in a line or below each other.
+    """
+    texts = [strip_comment(line).rstrip(",; \t") for line in lines]
+    pieces = [re.split(r"\s{2,}|[\t,;]\s*", text) for text in texts]
     below = [(upper, lower) for upper, lower in pairwise(pieces) if len(upper) == len(lower)]
     pairs = [*(pair for cells in pieces for pair in pairwise(cells)),
              *(pair for upper, lower in below for pair in zip(upper, lower, strict=True))]  # fmt: skip
-    return [*plain, *(piece for cells in pieces for piece in cells), *(f"{name}: {value}" for name, value in pairs)]
+    return [*texts, *(piece for cells in pieces for piece in cells), *(f"{name}: {value}" for name, value in pairs)]
 
 
 def sampling_step(lines: Sequence[str]) -> float | None:
-    """Return the time between samples, s, from a rate, step or increment in the lines above a table."""
+    """Return the time between samples, s, from a rate, step or increment in the lines above a table.
+
+    A comma is a decimal one unless commas separate the pieces of the line; the first statement counts.
+    """
     for statement in _statements(lines):
         for pattern, quantity in ((RATE, "frequency"), (STEP, "time")):
             if match := pattern.match(statement.strip()):
-                unit = parse_unit(match[2]) if match[2] else None
-                value = float(match[1]) * (unit.factor if unit and unit.quantity == quantity else 1.0)
+                separator, digits, exponent, symbol = match.groups()
+                whole, comma, decimals = digits.partition(",")
+                if comma and separator != "," and len(decimals) == 3:
+                    return None  # a comma may separate thousands or decimals
+                number = float((whole if separator == "," else digits.replace(",", ".")) + (exponent or ""))
+                unit = parse_unit(symbol) if symbol else None
+                value = number * (unit.factor if unit and unit.quantity == quantity else 1.0)
                 if 0.0 < value < np.inf:
                     return 1.0 / value if quantity == "frequency" else value
     return None
@@ -186,13 +202,13 @@ def _with_stated_units(heading: Sequence[Head], stated: Mapping[str, Unit]) -> l
 
 
 def _with_marker_names(heading: list[Head], metadata: Sequence[str]) -> list[Head]:
-    """Name the columns of an export of QTM (Qualisys), in mm, by the markers in its lines above."""
+    """Return the heading of a file from QTM (Qualisys), which lists its markers above X, Y and Z of each, in mm."""
     cells = next((cells for line in metadata if (cells := line.split("\t"))[0] == "MARKER_NAMES"), [])
-    names = [f"{marker} {axis}" for marker in cells[1:] for axis in "XYZ"]
-    first = len(heading) - len(names)  # frame and time may precede them
-    if not names or first not in (0, 2):
+    names = [f"{marker} {axis}" for marker in cells[1:] if marker for axis in "XYZ"]
+    leading = len(heading) - len(names)  # frame and time may precede them
+    if not names or leading not in (0, 2):
         return heading
-    return [*heading[:first], *((name, "mm", parse_unit("mm")) for name in names)]
+    return [*heading[:leading], *((name, "mm", parse_unit("mm")) for name in names)]
 
 
 def _with_axis_units(heading: list[Head], metadata: Sequence[str]) -> list[Head]:

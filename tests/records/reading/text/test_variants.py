@@ -116,6 +116,8 @@ READ = {
               "Trajectories\n100\n,,beam:base,,,beam:tip,,\nFrame,Sub Frame,X,Y,Z,X,Y,Z\n,,mm,mm,mm,mm,mm,mm\n"),
         {"column": "beam:tip X"},
     ),
+    "a rate with a decimal comma": (lines(lambda k, t, y: f"{y:.6f}", "Abtastrate: 0,1 kHz\nx_mm\n"), {}),
+    "a step with a decimal comma": (lines(lambda k, t, y: f"{y:.6f}", "dt: 10,0 ms\nx_mm\n"), {}),
     "QTM (Qualisys)": (
         lines(lambda k, t, y: f"500\t0\t0\t{y:.6f}\t1.2\t20",
               "NO_OF_FRAMES\t200\nNO_OF_MARKERS\t2\nFREQUENCY\t100\nDATA_INCLUDED\t3D\nMARKER_NAMES\tbase\ttip\n"),
@@ -143,6 +145,10 @@ ROWS = TIME.tolist()
 REFUSED = {
     "a unit that is not understood": (table("Time (s),Disp [foo]\n"), {}, "column 2 'Disp .foo.': .*--unit"),
     "a time unit that is not understood": (table("Time [ticks],x_mm\n"), {}, "the unit 'ticks' .*--time-unit"),
+    "a rate in thousands or with decimals": (
+        lines(lambda k, t, y: f"{y:.6f}", "Abtastrate: 1,000 Hz\nx_mm\n"), {}, "no column is clearly the time",
+    ),
+    "units that contradict each other": (table("Unit: mm\nUnits: m\ntime,x\n"), {}, "Unit: mm.*--time-unit"),
     "units of two meanings": (table("t_s,v_m_s_2\n"), {}, "the unit 'm_s_2' is not understood; give .*--unit"),
     "units of which only a part is known": (table("t_s,jerk_mm_s3\n"), {}, "the unit 'mm_s3' is not .*--unit"),
     "days since 1900": (
@@ -208,3 +214,11 @@ def test_a_variant_is_refused_with_the_remedy(tmp_path, name):
     with pytest.raises(InputError, match=message) as caught:
         Measurement.from_file(path, **options)
     assert len(str(caught.value)) < 400
+
+
+def test_frame_numbers_count_from_the_first_that_is_there(tmp_path):
+    path = tmp_path / "record.csv"
+    path.write_text(lines(lambda k, t, y: f"{'' if k == 0 else k},{y:.6f}", "frame,x_mm\n"))
+    record = Measurement.from_file(path, sample_rate=100.0)
+    np.testing.assert_allclose(record.time, TIME[:-1], atol=1e-9)
+    np.testing.assert_allclose(record.values, SI[1:], atol=6e-7)

@@ -6,7 +6,7 @@ from subprocess import run
 import numpy as np
 import pytest
 
-from ancf_casadi import Beam, HarmonicBase, Model, Trajectory, simulate
+from ancf_casadi import Beam, HarmonicBase, Model, PointMass, Trajectory, simulate
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.figures.beams import match_figure
 from ancf_casadi.figures.files import figure_bytes
@@ -73,7 +73,8 @@ def test_drawing_needs_no_display_and_no_global_state():
 
 
 def test_properties_are_drawn_as_changes_within_their_ranges(paper_beam):
-    given = paper_beam(4)
+    """Over the elements, which are not equal where a node is at a mass."""
+    given = paper_beam(4, attachments=(PointMass(0.2, mass=1e-3),))
     found = given.with_(thickness=tuple(0.5e-3 * np.array([1.02, 0.97, 1.0, 1.05])), density=8400.0)
     ranges = {"density": np.tile([-0.1, 0.1], (4, 1)), "thickness": np.array([[-0.05, 0.06]] * 4)}
     frequencies = np.array([1.0, 2.0])
@@ -81,6 +82,6 @@ def test_properties_are_drawn_as_changes_within_their_ranges(paper_beam):
     assert (thickness.get_ylabel(), density.get_ylabel()) == ("thickness, %", "density, %")
     (steps,) = [patch for patch in thickness.patches if hasattr(patch, "get_data")]
     assert steps.get_data().values == pytest.approx([2.0, -3.0, 0.0, 5.0])
-    assert steps.get_data().edges == pytest.approx([0.0, 125.0, 250.0, 375.0, 500.0])
+    assert steps.get_data().edges == pytest.approx([0.0, 100.0, 200.0, 350.0, 500.0])
     low, high = thickness.collections[0].get_datalim(thickness.transData).intervaly
     assert (low, high) == pytest.approx((-5.0, 6.0))

@@ -51,7 +51,7 @@ from ancf_casadi.support.inputs import check_instance, number
 # halved), test_a_release_after_rest_is_no_excitation (RELEASE_SWING doubled), test_a_plain_decay_is_never_cut
 # (MIN_WINDOWS halved), test_the_decay_begins_at_the_first_sample_in_motion (MOTION_LEVEL halved), and
 # test_a_record_is_refused_from_a_share_of_gaps_of_95_percent_on (MAX_LENGTH either way).
-MAX_LENGTH = 20.0  # length of a record, in lengths of its samples without the gaps
+MAX_LENGTH = 20.0  # largest length of a record, relative to that of its samples without the gaps
 MIN_SAMPLES = 10
 MIN_PERIODS = 1.5  # fewer do not show whether the beam rests or moves
 REST_SWING = 0.25  # largest swing of a window at rest, relative to all; with a free oscillation it is at least 0.5
@@ -81,7 +81,7 @@ class Release:
 def find_release(time: Array, measured: Array, release_time: float | None = None) -> Release:
     """Return the start of the free decay in values of any sensor: given, or detected after rest or an excitation.
 
-    Of a record with several releases, it is the last one.
+    If none is given and the record holds several releases, return the last one.
     """
     if len(time) < MIN_SAMPLES or np.ptp(measured) == 0.0:
         return Release(0, "the first sample")
@@ -89,15 +89,15 @@ def find_release(time: Array, measured: Array, release_time: float | None = None
     if time[-1] - time[0] > MAX_LENGTH * step * len(time):
         share = 1 - step * len(time) / (time[-1] - time[0])
         raise InputError(f"consists of gaps for {share:.0%} of its length; cut out the part with the decay", "record")
-    swing = without_line(time, measured)
-    frequency = step_frequency(time, swing)
+    without_drift = without_line(time, measured)
+    frequency = step_frequency(time, without_drift)
     if release_time is not None:
         begin = int(np.searchsorted(time, number(release_time, "release_time") - 1e-6 * step))
         return Release(begin, "given", frequency)
     takes = find_takes(time, measured)
-    before = takes[-1].start if takes else 0  # samples of earlier takes
-    t, y = time[before:], measured[before:]
-    rest_end, grows_slowly_after = _find_end_of_rest(t, y, swing[before:], 1 / frequency, step)
+    take_start = takes[-1].start if takes else 0
+    t, y = time[take_start:], measured[take_start:]
+    rest_end, grows_slowly_after = _find_end_of_rest(t, y, without_drift[take_start:], 1 / frequency, step)
     excitation_end = rest_end + find_end_of_excitation(t[rest_end:], y[rest_end:])
     if excitation_end == rest_end and grows_slowly_after:
         excitation_end = find_end_of_excitation(t, y)  # the rest may be a weak excitation
@@ -112,12 +112,13 @@ def find_release(time: Array, measured: Array, release_time: float | None = None
         )
     gap = float(t[begin] - t[begin - 1]) if begin else 0.0
     if gap > GAP * step:
-        reason = reason if takes else "the end of a gap"
+        if not takes:
+            reason = "the end of a gap"
         notes.append(
             f"a gap of {gap:.3g} s hides the release or follows it closely; the decay is fitted from the end of the "
             f"gap, {t[begin]:g} s"
         )
-    return Release(before + begin, reason, frequency, tuple(notes))
+    return Release(take_start + begin, reason, frequency, tuple(notes))
 
 
 def _skip_gaps(time: Array, begin: int, period: float, step: float) -> int:

@@ -319,7 +319,11 @@ def _assemble_model(reduced: Reduction, markers: Sequence[float]) -> ReducedMode
 
 
 def lawson_step(rhs: cs.Function, angular_frequencies: Array) -> cs.Function:
-    """Return Lawson's method as a Function (q, v, base, p, h) -> q_next, v_next."""
+    """Return one step of Lawson's method as a Function (q, v, base, p, h) -> q_next, v_next.
+
+    The motion of the base is that at the start, the middle and the end of the step h, s; the angular frequencies,
+    rad/s, are positive.
+    """
     q, v, p = (cs.MX.sym(name, rhs.numel_in(name)) for name in ("q", "v", "p"))
     base, h, omega = cs.MX.sym("base", BASE_SIZE, BASE_INSTANTS), cs.MX.sym("h"), cs.DM(angular_frequencies)
     cosine, sine = cs.cos(omega * h / 2), cs.sin(omega * h / 2)
@@ -328,11 +332,11 @@ def lawson_step(rhs: cs.Function, angular_frequencies: Array) -> cs.Function:
         """Return E(h/2) x."""
         return cs.horzcat(cosine * x[:, 0] + sine / omega * x[:, 1], cosine * x[:, 1] - sine * omega * x[:, 0])
 
-    def remainder(x: cs.MX, stage: int) -> cs.MX:
-        """Return N(x)."""
-        return cs.horzcat(cs.MX.zeros(q.numel()), rhs(x[:, 0], x[:, 1], base[:, stage], p) + omega**2 * x[:, 0])
+    def remainder(x: cs.MX, instant: int) -> cs.MX:
+        """Return N(x), what the linear restoring force leaves of the acceleration."""
+        return cs.horzcat(cs.MX.zeros(q.numel()), rhs(x[:, 0], x[:, 1], base[:, instant], p) + omega**2 * x[:, 0])
 
-    x = cs.horzcat(q, v)
+    x = cs.horzcat(q, v)  # the state
     k1 = remainder(x, 0)
     k2 = remainder(flow(x + h / 2 * k1), 1)
     k3 = remainder(flow(x) + h / 2 * k2, 1)

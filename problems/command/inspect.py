@@ -84,7 +84,7 @@ def run_inspect(options: argparse.Namespace) -> Output:
         "notes": list(recording.notes),
         "fit": plan,
     }
-    text = _text(options, recording, data)
+    text = _report(options, recording, data)
     return Output(lambda: data, lambda: text, files)
 
 
@@ -178,7 +178,8 @@ def _ranges(numbers: Sequence[int]) -> str:
     return f"{shown}, ..." if len(numbers) > 8 else shown
 
 
-def _text(options: argparse.Namespace, recording: Recording, data: Mapping[str, Any]) -> str:
+def _report(options: argparse.Namespace, recording: Recording, data: Mapping[str, Any]) -> str:
+    """Return the table of channels, the sampling of each time axis, and the advice, as text."""
     times, summaries = data["times"], data["channels"]
     lines = []
     for axis in times:

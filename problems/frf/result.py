@@ -278,7 +278,10 @@ def _constant_errors(trial: TrialFit, fit: Fit, function: int) -> ComplexArray:
 
 
 def frf_figure(fits: Mapping[str, FrfFit]) -> Figure:
-    """Draw measured and fitted functions, amplitude and phase, and their difference."""
+    """Draw amplitude and phase of measured and fitted functions, and their difference.
+
+    Of many functions, those with the largest relative misfit are drawn.
+    """
     from ancf_casadi.figures.responses import Curve, bode_figure  # slow to import: matplotlib
     from ancf_casadi.support.figures import COMPUTED, MEASURED
 
@@ -288,7 +291,7 @@ def frf_figure(fits: Mapping[str, FrfFit]) -> Figure:
     fitted = fit.synthesised().reshape(measured.shape)
     misfit = np.linalg.norm(fitted - measured, axis=1) / np.linalg.norm(measured, axis=1)
     drawn = np.sort(np.argsort(misfit)[::-1][:MOST_DRAWN]).tolist()
-    columns = [
+    curves_by_function = [
         [
             Curve("measured", record.frequencies, measured[k], MEASURED),
             Curve("fitted", record.frequencies, fitted[k], COMPUTED),
@@ -299,5 +302,5 @@ def frf_figure(fits: Mapping[str, FrfFit]) -> Figure:
     unit = "" if record.unit == "1" else f", {record.unit}"
     names = record.names()
     return bode_figure(
-        columns, record.kind.replace("-", " ") + unit, [names[k] for k in drawn] if len(names) > 1 else []
+        curves_by_function, record.kind.replace("-", " ") + unit, [names[k] for k in drawn] if len(names) > 1 else []
     )

@@ -184,13 +184,13 @@ def run_study(
     versions = {"ancf-casadi": __version__, **{name: version(name) for name in ("casadi", "numpy", "scipy")}}
     report = StudyReport(folder and folder / PAGE, results(study, findings, versions, quick=quick), findings)
     if folder is not None:
-        document = page(study, findings, command=command, versions=versions, quick=quick, left_out=left_out)
-        _write(report, folder, to_json(schema(study, report.results)), document)
+        page_html = page(study, findings, command=command, versions=versions, quick=quick, left_out=left_out)
+        _write(report, folder, to_json(schema(study, report.results)), page_html)
     return report
 
 
-def _write(report: StudyReport, folder: Path, layout: str, document: str) -> None:
-    """Write all files of a study, all or none, and remove numbered ones that are left from another study."""
+def _write(report: StudyReport, folder: Path, schema_text: str, page_html: str) -> None:
+    """Write all files of a study or none, then remove numbered tables and figures of earlier runs in the folder."""
     contents: dict[Path, str | bytes] = {}
     for finding in report.steps:
         for name, content in finding.files.items():
@@ -201,9 +201,10 @@ def _write(report: StudyReport, folder: Path, layout: str, document: str) -> Non
             for suffix, picture in (("svg", figure.svg), ("png", figure.png), ("gif", figure.moving)):
                 if picture:
                     contents[folder / "figures" / f"{file_name(figure.name)}.{suffix}"] = picture
-    contents |= {folder / SCHEMA_FILE: layout, folder / NUMBERS_FILE: to_json(report.results), folder / PAGE: document}
+    results_text = to_json(report.results)
+    contents |= {folder / SCHEMA_FILE: schema_text, folder / NUMBERS_FILE: results_text, folder / PAGE: page_html}
     write_files(contents)
-    for earlier in (*folder.glob("tables/*"), *folder.glob("figures/*")):
-        if NUMBERED.fullmatch(earlier.name) and earlier not in contents:  # of another study in this folder
-            with contextlib.suppress(OSError):
-                earlier.unlink()
+    for old_file in (*folder.glob("tables/*"), *folder.glob("figures/*")):
+        if NUMBERED.fullmatch(old_file.name) and old_file not in contents:
+            with contextlib.suppress(OSError):  # a file that is open elsewhere stays
+                old_file.unlink()

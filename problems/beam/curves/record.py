@@ -153,7 +153,7 @@ class ResponseRecord(Displayed):
         choice(self.control, get_args(Control), "control")
         if self.sweep is not None:
             choice(self.sweep, get_args(Sweep), "sweep")
-        self._keep_points()
+        self._store_arrays()
         self._check_order()
 
     @classmethod
@@ -289,16 +289,16 @@ class ResponseRecord(Displayed):
                 f"needs a motion of the base: excitation_unit one of {', '.join(BASE_MOTIONS)}", "relative"
             )
 
-    def _keep_points(self) -> None:
-        """Keep frequencies, amplitudes, phases, levels and standard deviations as arrays."""
+    def _store_arrays(self) -> None:
+        """Check and store frequencies, amplitudes, phases, levels and standard deviations as arrays (m,)."""
         frequencies = positive_array(self.frequencies, "frequencies")
         if frequencies.ndim != 1 or not frequencies.size:
             raise InputError("must be a sequence of frequencies", "frequencies")
-        values, phases, measured = self.values, self.phases, complex_array(self.values, "values")
+        values, phases, complex_values = self.values, self.phases, complex_array(self.values, "values")
         if np.iscomplexobj(values):
             if phases is not None:
                 raise InputError("belong to real values; complex values have their own", "phases")
-            values, phases = np.abs(measured), np.angle(measured)
+            values, phases = np.abs(complex_values), np.angle(complex_values)
         arrays = {"frequencies": frequencies, "values": positive_array(values, "values")}
         if phases is not None:
             arrays["phases"] = array(phases, "phases")

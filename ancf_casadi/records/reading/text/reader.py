@@ -330,7 +330,10 @@ def _columns(text: str, dialect: Dialect, width: int) -> list[list[str]] | None:
 
 
 def _rows(text: str, dialect: Dialect, line: int) -> Iterator[tuple[int, list[str]]]:
-    """Yield the line number and the cells of each row that is neither blank nor a comment."""
+    """Yield the line number and the cells of each row that is neither blank nor a comment.
+
+    Only ``csv``, which is slow, understands separators and line breaks in quotes; it numbers a row by its last line.
+    """
     if '"' in text and dialect.delimiter != " ":
         reader = csv.reader(io.StringIO(text), delimiter=dialect.delimiter, skipinitialspace=True)
         try:
@@ -340,8 +343,8 @@ def _rows(text: str, dialect: Dialect, line: int) -> Iterator[tuple[int, list[st
         except csv.Error:
             raise InputError(f"line {line + reader.line_num}: has quotes that do not close") from None
         return
-    for number, written in enumerate(text.split("\n"), line):
-        if written.strip() and not is_comment(written):
-            cells = dialect.split(written)
+    for number, row_text in enumerate(text.split("\n"), line):
+        if row_text.strip() and not is_comment(row_text):
+            cells = dialect.split(row_text)
             if any(cells):
                 yield number, cells

@@ -238,6 +238,9 @@ def damping_curve(
         default_periods = min((time[-1] - time[0]) / MAX_WINDOWS, guess.duration / WINDOWS_PER_DECAY_TIME) / period
         periods = max(WINDOW_PERIODS, default_periods, math.ceil(MIN_WINDOW_SAMPLES * step / period))
     length = periods * period
+    if length > time[-1] - time[0] + step:
+        count = (time[-1] - time[0]) / period
+        raise InputError(f"are more than the {count:.3g} of the record; use fewer per window", "periods")
     if round(length / step) < MIN_WINDOW_SAMPLES:
         raise InputError(
             f"makes windows of {length / step:.0f} samples, fewer than {MIN_WINDOW_SAMPLES}; "

@@ -206,7 +206,7 @@ class LawComparison(Reported, Generic[F]):
             "deciding": self.deciding,
             "effective_samples": verdict.effective_samples,
             "laws": [
-                {**row, "at_bound": list(fit.fit.at_bound), **fit.to_dict()}
+                {**fit.to_dict(), **row, "at_bound": list(fit.fit.at_bound)}
                 for row, fit in zip(self._laws(), self.fits, strict=True)
             ],
             "failed": dict(self.failed),

@@ -71,7 +71,7 @@ UNITS: Mapping[str, Mapping[str, float]] = {
     "moment": {"Nm": 1.0, "Nmm": 1e-3, "mNm": 1e-3, "Ncm": 1e-2, "kNm": 1e3},
     "velocity": {"mph": 0.44704, "kmh": 1 / 3.6, "kph": 1 / 3.6},
     "angular velocity": {"dps": DEGREE, "rpm": 6.0 * DEGREE},
-    "frequency": {"Hz": 1.0, "kHz": 1e3, "mHz": 1e-3},
+    "frequency": {"Hz": 1.0, "hz": 1.0, "HZ": 1.0, "kHz": 1e3, "mHz": 1e-3},
     "voltage": {"V": 1.0, "mV": 1e-3, "uV": 1e-6, "volt": 1.0, "volts": 1.0},
     "pressure": {"Pa": 1.0, "hPa": 1e2, "kPa": 1e3, "MPa": 1e6, "GPa": 1e9, "psi": 6894.757293168},
     "current": {"mA": 1e-3, "uA": 1e-6},
@@ -101,6 +101,7 @@ POWER = re.compile(r"([^\d^+\-]+)\^?([+-]?\d)?")
 PER_SECOND = re.compile(r"(.+?)p(?:er)?(s|sec|second)", re.IGNORECASE)
 SCALED = re.compile(r"([+-]?\d+(?:\.\d*)?(?:[eE][+-]?\d+)?(?=[ *]))?[ *]*(\D.*)")
 BRACKETS = re.compile(r"[(\[{<]([^()\[\]{}<>]*)[)\]}>]")
+CAPITALS = {"S", "M", "G", "MM", "CM", "KM", "UM", "IN", "FT", "MS", "US"}  # of programs that know no other letters
 AMBIGUOUS_UNITS = {"min", "h", "in", "g", "gs", "grad", "mil"}  # as the whole name of a column, these are rarely units
 SEPARATING = " _.,·⋅*-"
 TIME_NAMES = re.compile(
@@ -139,7 +140,9 @@ def _powers(word: str) -> dict[str, tuple[int, float]] | None:
 
 
 def _look_up(symbol: str) -> tuple[str, float] | None:
-    return KNOWN_UNITS.get(symbol) or KNOWN_UNITS.get(symbol.lower())
+    """Return quantity and factor of a unit, in any case if no other unit is written so: NM may be N m, H henry."""
+    anyhow = len(symbol) > 2 or symbol in CAPITALS
+    return KNOWN_UNITS.get(symbol) or (KNOWN_UNITS.get(symbol.lower()) if anyhow else None)
 
 
 def _moves(symbol: str) -> dict[str, tuple[int, float]]:

@@ -387,7 +387,7 @@ def mac(first: Array, second: Array) -> Array:
     Raises
     ------
     InputError
-        If the shapes are not finite numbers in columns of equal length.
+        If the shapes are not finite real numbers in columns of equal length, or one is zero everywhere.
 
     Examples
     --------
@@ -403,6 +403,10 @@ def mac(first: Array, second: Array) -> Array:
     first, second = array(first, "first"), array(second, "second")
     if first.ndim != 2 or second.ndim != 2 or len(first) != len(second):
         raise InputError(f"must be columns as long as the first, got {second.shape} for {first.shape}", "second")
+    for name, shapes in (("first", first), ("second", second)):
+        if not shapes.any(axis=0).all():
+            raise InputError("has a shape that is zero everywhere, which has no MAC", name)
+    first, second = (shapes / np.abs(shapes).max(axis=0) for shapes in (first, second))
     cross = (first.T @ second) ** 2
     return np.asarray(cross / np.outer((first**2).sum(axis=0), (second**2).sum(axis=0)))
 

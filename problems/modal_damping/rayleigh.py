@@ -97,7 +97,7 @@ class RayleighFit(LeastSquaresResult):
         """Coefficients at a bound, and modes that the law does not match."""
         notes = [
             f"{name} is at its bound 0: the ratios alone would make it negative, and the law would supply energy"
-            for name in self.at_bound
+            for name in (self.at_bound if any(self.measured) else ())
         ]
         for k, deviation in enumerate(self.ratio_std or ()):
             difference = abs(self.ratios[k] - self.measured[k]) / deviation

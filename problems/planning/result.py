@@ -134,13 +134,17 @@ class Plan(Reported):
         InputError
             If the goal is unknown, or the budget pays for no candidate.
         FitError
-            If all candidates together do not determine the goal.
+            If the candidates, or those that the budget pays for, do not determine the goal.
         """
         weights, budget = self._goal(goal), physical(budget, "budget")
         if budget < min(self.costs):
             raise InputError(f"pays for no candidate; the cheapest costs {min(self.costs):g}", "budget")
         count_limit = None if most_each is None else whole(most_each, "most_each", 1)
         counts = self._by_candidate(self.design.counts(budget, weights, count_limit))
+        errors = self.errors_of(counts)
+        undetermined = [name for name in ([goal] if goal in errors else errors) if not math.isfinite(errors[name])]
+        if undetermined:
+            raise FitError(f"no list within the budget determines {', '.join(undetermined)}; spend more")
         return {name: int(count) for name, count in counts.items()}
 
     def gains(self, counts: Mapping[str, float], goal: str = "D") -> dict[str, float]:

@@ -108,6 +108,7 @@ def test_the_curve_is_drawn_with_its_errors():
         (0.0, "positive"),
         (0.5, "1 or more"),
         ("two", "finite number"),
+        (1000.0, "are more than the"),
     ],
 )
 def test_unusable_windows_are_refused(periods, message):

@@ -35,7 +35,31 @@ def test_a_unit_is_understood(text, quantity, factor):
 
 @pytest.mark.parametrize(
     "text",
-    ["", "foo", "ms2", "mm s", "m s", "m m", "mm/g", "V/(m/s^2)", "1", "x", "m/s3", "/s", "m/", "m/s m", "s-99", "mm2"],
+    [
+        "",
+        "foo",
+        "NM",
+        "nM",
+        "NS",
+        "mS",
+        "Mm",
+        "Mg",
+        "H",
+        "ms2",
+        "mm s",
+        "m s",
+        "m m",
+        "mm/g",
+        "V/(m/s^2)",
+        "1",
+        "x",
+        "m/s3",
+        "/s",
+        "m/",
+        "m/s m",
+        "s-99",
+        "mm2",
+    ],
 )
 def test_anything_else_is_not(text):
     assert parse_unit(text) is None

@@ -191,6 +191,9 @@ def test_the_mac_is_one_for_the_same_shape_and_zero_for_orthogonal_shapes():
     basis = np.linalg.qr(rng.normal(size=(8, 3)))[0]
     np.testing.assert_allclose(mac(basis, -3 * basis), np.eye(3), atol=1e-14)
     assert mac(basis[:, :1], basis[:, 1:]).shape == (1, 2)
+    np.testing.assert_allclose(mac(1e200 * basis, 1e-200 * basis), np.eye(3), atol=1e-14)
+    with pytest.raises(InputError, match="second: has a shape that is zero everywhere"):
+        mac(basis, 0 * basis)
     mixed = basis[:, [0]] + basis[:, [1]]
     np.testing.assert_allclose(mac(basis, mixed), [[0.5], [0.5], [0.0]], atol=1e-14)
 

@@ -71,6 +71,7 @@ def _channels(header: Mapping[str, Any], segment: Mapping[str, Any], data: Array
     names = [str(name) for name in segment["Channel names"]]
     layout = str(header.get("X_Columns", "One"))
     symbols = [str(text).strip() for text in segment.get("Y_Unit_Label", [])]
+    over_time = all(str(text).strip().lower() in ("", "time") for text in segment.get("X_Dimension", []))
     channels: list[RecordedChannel] = []
     first_x_values: Array | None = None
     x_values: Array | None = None
@@ -78,12 +79,12 @@ def _channels(header: Mapping[str, Any], segment: Mapping[str, Any], data: Array
         if name == "Comment":
             continue
         if name == "X_Value":
-            x_values = data[:, k]
+            x_values = data[:, k] if over_time else None
             first_x_values = x_values if first_x_values is None else first_x_values
             continue
         place = len(channels)
         time = x_values if layout == "Multi" else first_x_values
-        if time is None:
+        if time is None and over_time:
             starts, steps = (dict(enumerate(segment.get(key, []))) for key in ("X0", "Delta_X"))
             time = _even(starts.get(place), steps.get(place), len(data))
         written = symbols[place] if place < len(symbols) else ""
@@ -92,7 +93,7 @@ def _channels(header: Mapping[str, Any], segment: Mapping[str, Any], data: Array
 
 
 def _even(start: Any, step: Any, count: int) -> Array | None:
-    """Return times with an increment, s; None if the file gives none."""
+    """Return places with an increment, such as times; None if the file gives none."""
     if not isinstance(step, float | int) or not np.isfinite(step) or not step > 0:
         return None
     has_start = isinstance(start, float | int) and np.isfinite(start)
@@ -115,7 +116,8 @@ def read_tdms(stream: BinaryIO, path: Path) -> Recording:
             if item.dtype is None or item.dtype.kind not in "fiuM":
                 notes.append(f"{name!r} has no numbers, and is left out")
                 continue
-            if len(item) * item.dtype.itemsize > min(size * 2, MAX_DATA_BYTES):
+            stored_bytes = getattr(item.data_type, "size", None) or item.dtype.itemsize  # before a scale is applied
+            if len(item) * stored_bytes > 2 * size or len(item) * item.dtype.itemsize > MAX_DATA_BYTES:
                 raise InputError("declares more samples than it holds; it is damaged", f"{path}: {name}")
             channels.append(_channel(len(channels) + 1, name, item))
             starts.append(item.properties.get("wf_start_time"))
@@ -146,4 +148,8 @@ def _channel(number: int, name: str, item: Any) -> RecordedChannel:
         return RecordedChannel(number, name, np.asarray(seconds_from_first(values), dtype=float), "s", parse_unit("s"))
     written = str(item.properties.get("unit_string", "")).strip()
     time = _even(item.properties.get("wf_start_offset"), item.properties.get("wf_increment"), len(values))
+    unit_of_x = str(item.properties.get("wf_xunit_string", "")).strip() or "s"
+    if time is not None:
+        unit = parse_unit(unit_of_x)
+        time = unit.factor * time if unit and unit.quantity == "time" else None
     return RecordedChannel(number, name, np.array(values, dtype=float), *column_unit(written, item.name), time)

@@ -168,6 +168,7 @@ def test_the_result_reads_as_text_and_as_json():
     comparison = compare_decay_laws(TIME, record("friction"), laws=("linear", "friction"), **CONSTANT)
     table = json.loads(json.dumps(comparison.to_dict(), allow_nan=False))
     assert table["best"] == "friction"
+    assert table["best"] in [law["law"] for law in table["laws"]]
     assert [law["bic"] for law in table["laws"]] == list(comparison.verdict.bic)
     text = comparison.report()
     assert "most probable: friction" in text

@@ -234,6 +234,14 @@ def test_what_the_candidates_leave_open_is_said():
         found.best(4)
 
 
+def test_a_budget_that_buys_too_little_to_determine_the_goal_is_refused(values, monkeypatch):
+    """As of two candidates that determine one unknown each, if the budget buys one."""
+    nothing = dict.fromkeys(values.errors_of({"sag": 1}), math.inf)
+    monkeypatch.setattr(type(values), "errors_of", lambda plan, counts: nothing)
+    with pytest.raises(FitError, match="no list within the budget determines"):
+        values.best(4)
+
+
 def test_a_plan_has_text_data_and_can_be_sent(values):
     text = values.report()
     assert "sag" in text and "all together" in text

@@ -343,6 +343,22 @@ class TestTdms:
         np.testing.assert_allclose(x.time, TIME, atol=1e-9)
         np.testing.assert_allclose(y.time, TIME + 1e-6 * delay, atol=1e-9)
 
+    @pytest.mark.parametrize(("symbol", "step"), [("s", 0.01), ("ms", 1e-5), ("Hz", None)])
+    def test_the_increment_has_a_unit(self, tmp_path, symbol, step):
+        properties = {"wf_increment": 0.01, "wf_xunit_string": symbol, "unit_string": "mm"}
+        write_tdms(tmp_path / "record.tdms", ("tip", MM, properties))
+        (channel,) = read_contents(tmp_path / "record.tdms").channels
+        assert (channel.time is None) if step is None else (channel.time[1] == pytest.approx(step))
+
+    def test_a_scale_makes_numbers_larger_than_the_file(self, tmp_path):
+        counts = np.round(1000 * MM).astype(np.int16)
+        scale = {"NI_Number_Of_Scales": 1, "NI_Scale[0]_Scale_Type": "Linear", "NI_Scaling_Status": "unscaled",
+                 "NI_Scale[0]_Linear_Slope": 1e-3, "NI_Scale[0]_Linear_Y_Intercept": 0.0}  # fmt: skip
+        counts = np.tile(counts, 100)  # the header is small
+        write_tdms(tmp_path / "record.tdms", ("tip_mm", counts, scale | {"wf_increment": 0.01}))
+        record = Measurement.from_file(tmp_path / "record.tdms")
+        np.testing.assert_allclose(record.values, 1e-6 * counts, atol=1e-12)
+
 
 LVM = """LabVIEW Measurement\t
 Writer_Version\t2
@@ -378,6 +394,13 @@ class TestLvm:
         np.testing.assert_allclose(record.time, 0.5 + TIME)
         np.testing.assert_allclose(record.values, 1e-3 * MM, atol=1e-12)
         assert {file.name for file in tmp_path.iterdir()} == {"record.lvm", "record.lvm.pkl"}
+
+    @pytest.mark.parametrize("columns", ["One", "No"])
+    def test_values_over_frequency_have_no_times(self, tmp_path, columns):
+        path = tmp_path / "record.lvm"
+        header = LVM.format(columns=columns, samples=2).replace("X_Dimension\tTime", "X_Dimension\tFrequency")
+        path.write_text(header + ("0.0\t1.0\n0.5\t2.0\n" if columns == "One" else "\t1.0\n\t2.0\n"))
+        assert all(channel.time is None for channel in read_contents(path).channels)
 
     def test_a_long_file_takes_little_more_memory_than_its_numbers(self, tmp_path, monkeypatch):
         path = tmp_path / "record.lvm"

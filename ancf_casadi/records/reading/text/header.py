@@ -8,7 +8,7 @@ Programs that track body parts or markers in videos, such as DeepLabCut and SLEA
 DeepLabCut writes the rows ``scorer``, ``individuals`` (if there are several), ``bodyparts`` and ``coords`` above the
 numbers; coordinates are in pixels, and the first column counts the frames.  In any table, a column such as
 ``tip_likelihood`` or ``tip.score`` belongs to the columns ``tip_x`` and ``tip_y``.  A point whose likelihood is below
-``LEAST_LIKELIHOOD`` is a gap.
+``MIN_LIKELIHOOD`` is a gap.
 
 References
 ----------
@@ -41,18 +41,19 @@ AXIS_STATED = re.compile(
     r"([xy])[ -]?axis(?:[ -]units?)?\s*[:=](?:.*\s)?\s*[\"\[(]*([^\s\"\])]+)[\"\])]*", re.IGNORECASE
 )
 AXIS = re.compile(r"(?:pos(?:ition)?[ _.]*)?[xyz]\d*", re.IGNORECASE)
-VALUE = (  # separator, digits, exponent, and unit
-    r"\s*(?:\((?:hz|s|sec)\)|\[(?:hz|s|sec)\])?\s*([,;:=\t ])\s*"
-    r"\"?(\d+(?:[.,]\d+)?)\.?(e[+-]?\d+)?\"?[ ,;\t]*([a-zµμ/]*)"
-)
-RATE = re.compile(
-    r"\"?(?:(?:sampl\w*|camera|capture|data|export|scan)[ _-]?(?:rate|freq(?:uency)?)|frequency|frame[ _-]?rate|"
-    rf"abtast(?:rate|frequenz)|messrate|fs|fps|trajectories)\"?{VALUE}", re.IGNORECASE,  # the last in files of Vicon
+BEFORE_VALUE = r"\"?\s*(?:\((?:hz|s|sec)\)|\[(?:hz|s|sec)\])?\s*([,;:=\t ])\s*\"?(?=\d)(.*)"
+RATE = re.compile(  # the last word in files of Vicon
+    r"\"?(?:(?:sampl\w*|camera|capture|data|export|scan)[ _-]?(?:rate|freq(?:uency)?)|frame[ _-]?rate|"
+    rf"abtast(?:rate|frequenz)|messrate|fs|fps|trajectories){BEFORE_VALUE}", re.IGNORECASE,
 )  # fmt: skip
 STEP = re.compile(
     r"\"?(?:(?:sampl\w*|horizontal|time)[ _-]?(?:interval|period|step|increment|cycle)|(?:x[ _-]?)?increment|"
-    rf"x[ _-]?incr?|delta[ _]?[xt]|dt|t[ _]?inc|abtastintervall)\"?{VALUE}", re.IGNORECASE,
+    rf"x[ _-]?incr?|delta[ _]?[xt]|dt|t[ _]?inc|abtastintervall){BEFORE_VALUE}", re.IGNORECASE,
 )  # fmt: skip
+FREQUENCY = re.compile(rf"\"?frequency{BEFORE_VALUE}", re.IGNORECASE)  # of QTM; with a unit, it may be any frequency
+VALUE = re.compile(r"(\d+(?:[.,]\d+)?)\.?(e[+-]?\d+)?\"?(?:$|([ ,;\t]*)[(\[]?([^\s,;\"()\[\]]*)(.*))", re.IGNORECASE)
+PER_SECOND = re.compile(r"([km]?)(?:hz|sa?/s|sps|fps|1/s|samples?/s(?:ec)?)", re.IGNORECASE)
+IN_WORDS = re.compile(r"(?:samples?|frames?)(?: ?(?:/|per) ?s(?:ec(?:onds?)?)?)?", re.IGNORECASE)
 MIN_LIKELIHOOD = 0.6  # likelihood of a point that counts
 LIKELIHOOD = re.compile(r"(.*[^\s_.])[ _.]+(?:likelihood|score|confidence|conf)", re.IGNORECASE | re.DOTALL)
 COORDINATE = re.compile(r"(.*[^\s_.])[ _.]+[xyz](?:[ _(\[].*)?", re.IGNORECASE | re.DOTALL)
@@ -168,21 +169,44 @@ def _statements(lines: Sequence[str]) -> list[str]:
 def sampling_step(lines: Sequence[str]) -> float | None:
     """Return the time between samples, s, from a rate, step or increment in the lines above a table.
 
-    A comma is a decimal one unless commas separate the pieces of the line; the first statement counts.
+    The first statement counts, those of a rate first; one whose number or unit is in doubt counts for nothing.
     """
-    for statement in _statements(lines):
-        for pattern, quantity in ((RATE, "frequency"), (STEP, "time")):
-            if match := pattern.match(statement.strip()):
-                separator, digits, exponent, symbol = match.groups()
-                whole, comma, decimals = digits.partition(",")
-                if comma and separator != "," and len(decimals) == 3:
-                    return None  # a comma may separate thousands or decimals
-                number = float((whole if separator == "," else digits.replace(",", ".")) + (exponent or ""))
-                unit = parse_unit(symbol) if symbol else None
-                value = number * (unit.factor if unit and unit.quantity == quantity else 1.0)
-                if 0.0 < value < np.inf:
-                    return 1.0 / value if quantity == "frequency" else value
+    statements = [statement.strip() for statement in _statements(lines)]
+    for pattern, quantity in ((RATE, "frequency"), (STEP, "time"), (FREQUENCY, "frequency")):
+        if match := next(filter(None, map(pattern.match, statements)), None):
+            value = _stated_value(match[1], match[2], quantity, with_unit=pattern is not FREQUENCY)
+            if 0.0 < value < np.inf:
+                return 1.0 / value if quantity == "frequency" else value
     return None
+
+
+def _stated_value(separator: str, text: str, quantity: str, *, with_unit: bool) -> float:
+    """Return a number at the beginning of a text in SI units; nan if it or its unit is in doubt.
+
+    A comma is a decimal one unless commas separate the pieces of the line.
+    """
+    match = VALUE.match(text)
+    if not match:
+        return np.nan
+    digits, exponent, gap, symbol, remainder = match.groups(default="")
+    whole, _, decimals = digits.partition(",")
+    if separator == "," and decimals:
+        whole, gap, symbol, remainder = whole, ",", "", ""
+    elif len(decimals) == 3:
+        return np.nan  # a comma may separate thousands or decimals
+    number = float((whole if separator == "," else digits.replace(",", ".")) + exponent)
+    unit, per_second = parse_unit(symbol), PER_SECOND.fullmatch(symbol)
+    if not symbol:
+        return number
+    if quantity == "frequency" and per_second:
+        factor = {"": 1.0, "k": 1e3, "K": 1e3, "M": 1e6, "m": 1e-3}[per_second[1]]
+    elif unit and unit.quantity == quantity:
+        factor = unit.factor
+    elif set(gap) & set(",;\t") or (quantity == "frequency" and IN_WORDS.fullmatch((symbol + remainder).strip())):
+        return number  # the next piece of the line says something else
+    else:
+        return np.nan
+    return number * factor if with_unit else np.nan
 
 
 def _with_stated_units(heading: Sequence[Head], stated: Mapping[str, Unit]) -> list[Head]:

@@ -10,6 +10,7 @@ import pytest
 
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.records.measurement import Measurement
+from ancf_casadi.records.reading.text.header import sampling_step
 
 TIME = np.arange(200) / 100.0
 MM = 7.5 * np.exp(-0.4 * TIME) * np.cos(2 * np.pi * 3.0 * TIME)
@@ -222,3 +223,22 @@ def test_frame_numbers_count_from_the_first_that_is_there(tmp_path):
     record = Measurement.from_file(path, sample_rate=100.0)
     np.testing.assert_allclose(record.time, TIME[:-1], atol=1e-9)
     np.testing.assert_allclose(record.values, SI[1:], atol=6e-7)
+
+
+@pytest.mark.parametrize(
+    ("statement", "step"),
+    [
+        ("Sample rate: 51.2 kS/s", 1 / 51_200), ("Sampling rate: 1 KHz", 1e-3), ("Data rate: 2 MHz", 5e-7),
+        ("Sampling rate: 10 (kHz)", 1e-4), ("Sampling period: 10 [ms]", 0.01), ("Sampling rate,500,Channels,2", 2e-3),
+        ("Sample rate: 100 samples per second", 0.01), ("Frequency\t100", 0.01), ("Abtastrate: 2,5 kHz", 4e-4),
+        ("fs: 48k", None), ("Abtastrate: 25 600 Hz", None), ("Abtastrate: 25'600 Hz", None), ("dt: 1/1000 s", None),
+        ("Sample rate: 600 samples/min", None), ("Sample rate: 0.1 s", None), ("X increment: 0.1 mm", None),
+        ("Data rate: 9600 baud", None), ("Frequency: 10 Hz", None), ("Sampling rate: 1,000 Hz", None),
+    ],
+)  # fmt: skip
+def test_a_stated_rate_counts_if_number_and_unit_are_certain(statement, step):
+    assert sampling_step([statement]) == (step and pytest.approx(step))
+
+
+def test_the_rate_of_sampling_comes_before_any_other_frequency():
+    assert sampling_step(["Frequency: 10", "Sample rate: 1000 Hz"]) == pytest.approx(1e-3)

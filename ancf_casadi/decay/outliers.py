@@ -8,7 +8,8 @@ amplitudes, phases and rest position are,
 with coefficients from least squares over the record.  A sample is an outlier if its residual exceeds what is likely
 among so many samples, relative to the residuals of the whole record and to those nearby, if its neighbours agree with
 each other, and if a wrong value of this sample explains the residuals beside it.  A release, a blow or a step does not
-look like that.  The largest outliers are removed, and the record is examined again.
+look like that.  The largest outliers are removed, and the record is examined again.  The first and the last two samples
+have too few neighbours, and outliers beside each other support each other: neither is found.
 """
 
 from __future__ import annotations

@@ -144,7 +144,7 @@ class Agreement:
 
     @property
     def outlier(self) -> int | None:
-        """Index of the only estimate without which the others, three or more, agree; None if all agree."""
+        """Index of the only estimate without which the others, three or more, agree; None if there is none."""
         count = len(self.values)
         if self.agrees or count < 4:
             return None

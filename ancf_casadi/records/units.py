@@ -94,7 +94,8 @@ PRODUCTS: Mapping[frozenset[tuple[str, int]], str] = {
 SECOND = {"s", "sec", "second", "seconds"}
 SQUARED = {"squared", "sq"}
 OVER = {"/", "per"}
-ASCII_SIGNS = str.maketrans({"µ": "u", "μ": "u", "²": "2", "³": "3", "⁻": "-", "¹": "1", "\N{MINUS SIGN}": "-"})
+ASCII_SIGNS = str.maketrans({"µ": "u", "μ": "u", "²": "2", "³": "3", "⁻": "-", "¹": "1", "\N{MINUS SIGN}": "-",
+                            "º": "°", "∙": "·", "•": "·", "ϵ": "ε", "ɛ": "ε"})  # fmt: skip
 LETTER = r"[^\s_.,·⋅*/\-]"
 TOKENS = re.compile(rf"\s?/\s?|{LETTER}+(?:-\d(?!{LETTER}))?|[\s_.,·⋅*\-]+")
 POWER = re.compile(r"([^\d^+\-]+)\^?([+-]?\d)?")
@@ -141,8 +142,8 @@ def _powers(word: str) -> dict[str, tuple[int, float]] | None:
 
 def _look_up(symbol: str) -> tuple[str, float] | None:
     """Return quantity and factor of a unit, in any case if no other unit is written so: NM may be N m, H henry."""
-    anyhow = len(symbol) > 2 or symbol in CAPITALS
-    return KNOWN_UNITS.get(symbol) or (KNOWN_UNITS.get(symbol.lower()) if anyhow else None)
+    in_any_case = len(symbol) > 2 or symbol in CAPITALS
+    return KNOWN_UNITS.get(symbol) or (KNOWN_UNITS.get(symbol.lower()) if in_any_case else None)
 
 
 def _moves(symbol: str) -> dict[str, tuple[int, float]]:

@@ -18,6 +18,7 @@ from ancf_casadi.records.units import known_unit, mass_factor, names_time, parse
         ("m/s^2", "acceleration", 1.0), ("m/s²", "acceleration", 1.0), ("m·s⁻²", "acceleration", 1.0),
         ("m/s/s", "acceleration", 1.0), ("in/s^2", "acceleration", 0.0254), ("g", "acceleration", 9.80665),
         ("mg", "acceleration", 9.80665e-3), ("deg", "angle", np.pi / 180), ("°", "angle", np.pi / 180),
+        ("º", "angle", np.pi / 180), ("µϵ", "strain", 1e-6), ("N•m", "moment", 1.0),
         ("µε", "strain", 1e-6), ("UM / M", "strain", 1e-6), ("um/m", "strain", 1e-6),
         ("mN", "force", 1e-3), ("kN", "force", 1e3),
         ("N·m", "moment", 1.0), ("N mm", "moment", 1e-3), ("mV", "voltage", 1e-3), ("mm / s", "velocity", 1e-3),

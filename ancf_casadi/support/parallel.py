@@ -138,9 +138,9 @@ def processes(jobs: int) -> Iterator[Executor]:
             ) from None
         yield pool
     except BaseException:
-        pool.shutdown(wait=False, cancel_futures=True)
         for process in set(multiprocessing.active_children()) - earlier_children:
             process.terminate()
+        pool.shutdown(cancel_futures=True)  # its thread ends before the interpreter, which would wake it up
         raise
     finally:
         pool.shutdown()

@@ -142,19 +142,18 @@ class Agreement:
             f"its error; use the mean with its scatter, {with_error(self.mean, self.error)}"
         )
 
-    @property
+    @cached_property
     def outlier(self) -> int | None:
         """Index of the only estimate without which the others, three or more, agree; None if there is none."""
         count = len(self.values)
         if self.agrees or count < 4:
             return None
-        others = [np.arange(count) != k for k in range(count)]
-        agreeing = [k for k in range(count) if self._subset(others[k]).agrees]
-        return agreeing[0] if len(agreeing) == 1 else None
+        candidates = [k for k in range(count) if self._without(k).agrees]
+        return candidates[0] if len(candidates) == 1 else None
 
-    def _subset(self, mask: Mask) -> Agreement:
-        """Return the agreement of some of the estimates."""
-        return replace(self, values=self.values[mask], errors=self.errors[mask])
+    def _without(self, k: int) -> Agreement:
+        """Return the agreement of all estimates but one."""
+        return replace(self, values=np.delete(self.values, k), errors=np.delete(self.errors, k))
 
     def text(self) -> str:
         """Return the agreement as one line."""

@@ -117,7 +117,7 @@ def saved_figure(fits: Mapping[str, Any]) -> Figure:
         }
         values, low, high = np.array(list(values_by_fit.values())).T
         reach = np.nan_to_num(np.array([values - low, high - values]), posinf=0.0).clip(0.0)
-        axes.errorbar(range(len(values_by_fit)), values, yerr=reach, fmt="o", ms=4, **CURVE)
+        axes.errorbar(range(len(values_by_fit)), values, yerr=reach, **POINTS, color=COMPUTED)
         axes.set(ylabel=f"{name}, {unit}".removesuffix(", ").replace("_", " "), xlim=(-0.5, len(values_by_fit) - 0.5))
         axes.set_xticks(range(len(values_by_fit)), list(values_by_fit))
         axes.ticklabel_format(axis="y", useOffset=False)

@@ -121,8 +121,7 @@ class Recording(Displayed):
                     self.path,
                 )
             (channel,) = usable
-        if channel.fault:
-            raise InputError(channel.fault, f"{self.path}: column {channel.label}")
+        refuse_fault(channel, self.path)
         return channel
 
     def place(self, row: int) -> str:
@@ -146,6 +145,12 @@ def find_channel(channels: Sequence[RecordedChannel], wanted: object, option: st
         return named[0]
     fault = f"{len(named)} columns are named {shown(wanted)}; give the number" if named else "there is no such column"
     raise InputError(f"{option} {shown(wanted)}: {fault}; there are {list_labels(channels)}", path)
+
+
+def refuse_fault(channel: RecordedChannel, path: str) -> None:
+    """Raise an ``InputError`` for a channel that cannot be used."""
+    if channel.fault:
+        raise InputError(channel.fault, f"{path}: column {channel.label}")
 
 
 def widest_channel(channels: Iterable[RecordedChannel]) -> RecordedChannel:

@@ -21,6 +21,7 @@ from ancf_casadi.records.channel import (
     is_frequency,
     is_time,
     list_labels,
+    refuse_fault,
     unit_notes,
 )
 from ancf_casadi.records.layout import NO_LAYOUT, TableLayout
@@ -126,8 +127,7 @@ def _from_column(recording: Recording, time: str | int | None, unit: Unit | None
         recording = _with_joined_time(recording)
     channels, path = recording.channels, recording.path
     channel = _find_time_column(recording) if time is None else find_channel(channels, time, "--time", path)
-    if channel.fault:
-        raise InputError(channel.fault, f"{path}: column {channel.label}")
+    refuse_fault(channel, path)
     if unit is None and is_counter(channel):
         raise InputError("counts samples, not seconds; give --sample-rate", f"{path}: column {channel.label}")
     seconds, notes = _seconds(channel, unit, path)
@@ -149,9 +149,10 @@ def _from_rate(recording: Recording, rate: float, time: str | int | None) -> Rec
                 f"column {counter.label} has times in {counter.symbol}; leave out --sample-rate, or --time",
                 recording.path,
             )
+        refuse_fault(counter, recording.path)
         numbers = counter.values[np.isfinite(counter.values)]
-        if counter.fault or not numbers.size:
-            raise InputError(counter.fault or "has no numbers", f"{recording.path}: column {counter.label}")
+        if not numbers.size:
+            raise InputError("has no numbers", f"{recording.path}: column {counter.label}")
         seconds = (counter.values - numbers[0]) / rate
         return _on_times(recording, counter, seconds, (f"times from column {counter.label} at {rate:g} 1/s",))
     seconds = np.arange(max((len(channel.values) for channel in recording.channels), default=0)) / rate

@@ -94,7 +94,7 @@ PRODUCTS: Mapping[frozenset[tuple[str, int]], str] = {
 SECOND = {"s", "sec", "second", "seconds"}
 SQUARED = {"squared", "sq"}
 OVER = {"/", "per"}
-ASCII_SIGNS = str.maketrans({"µ": "u", "μ": "u", "²": "2", "³": "3", "⁻": "-", "¹": "1", "\N{MINUS SIGN}": "-",
+PLAIN_SIGNS = str.maketrans({"µ": "u", "μ": "u", "²": "2", "³": "3", "⁻": "-", "¹": "1", "\N{MINUS SIGN}": "-",
                             "º": "°", "∙": "·", "•": "·", "ϵ": "ε", "ɛ": "ε"})  # fmt: skip
 LETTER = r"[^\s_.,·⋅*/\-]"
 TOKENS = re.compile(rf"\s?/\s?|{LETTER}+(?:-\d(?!{LETTER}))?|[\s_.,·⋅*\-]+")
@@ -117,7 +117,7 @@ BEFORE_UNIT = re.compile(r" ?[(\[{</,]| in |[_ ](?=[^_ ]*$)")
 
 def _plain_text(text: str) -> str:
     """Return a text with single spaces and without superscripts and Greek letters."""
-    return " ".join(text.split()).translate(ASCII_SIGNS).replace("**", "^")
+    return " ".join(text.split()).translate(PLAIN_SIGNS).replace("**", "^")
 
 
 def _powers(word: str) -> dict[str, tuple[int, float]] | None:

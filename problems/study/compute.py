@@ -95,7 +95,7 @@ class Store:
         self._folder, self._make_executor, self._threads = folder, make_executor, threads or ThisThread()
         self._bar: Any = tqdm(total=0, disable=True) if bar is None else bar
         self._running: list[Future[bytes]] = []
-        self._stopped, self._lock = False, threading.Lock()  # of what computations in several threads change
+        self._stopped, self._lock = False, threading.Lock()  # guards _stopped, _running and the total of the bar
 
     def start(self, function: Callable[..., Any], inputs: Sequence[Any]) -> str:
         """Start a computation unless it has started, and return its key."""

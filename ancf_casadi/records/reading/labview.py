@@ -93,7 +93,7 @@ def _channels(header: Mapping[str, Any], segment: Mapping[str, Any], data: Array
 
 
 def _even(start: Any, step: Any, count: int) -> Array | None:
-    """Return places with an increment, such as times; None if the file gives none."""
+    """Return evenly spaced values, such as times; None if the file gives no increment."""
     if not isinstance(step, float | int) or not np.isfinite(step) or not step > 0:
         return None
     has_start = isinstance(start, float | int) and np.isfinite(start)
@@ -148,8 +148,6 @@ def _channel(number: int, name: str, item: Any) -> RecordedChannel:
         return RecordedChannel(number, name, np.asarray(seconds_from_first(values), dtype=float), "s", parse_unit("s"))
     written = str(item.properties.get("unit_string", "")).strip()
     time = _even(item.properties.get("wf_start_offset"), item.properties.get("wf_increment"), len(values))
-    unit_of_x = str(item.properties.get("wf_xunit_string", "")).strip() or "s"
-    if time is not None:
-        unit = parse_unit(unit_of_x)
-        time = unit.factor * time if unit and unit.quantity == "time" else None
+    unit = parse_unit(str(item.properties.get("wf_xunit_string", "")).strip() or "s")
+    time = unit.factor * time if time is not None and unit and unit.quantity == "time" else None
     return RecordedChannel(number, name, np.array(values, dtype=float), *column_unit(written, item.name), time)

@@ -95,7 +95,9 @@ class Slopes:
     def at(self, e: Array) -> Array:
         """Return the slopes (..., s) for coordinates, or their rates, (..., size)."""
         pairs = np.ascontiguousarray(e).view(complex)
-        return np.asarray((self.of_nodes @ pairs.reshape(-1, pairs.shape[-1]).T).T.reshape(*e.shape[:-1], -1))
+        return np.asarray(
+            (self.of_nodes @ pairs.reshape(-1, pairs.shape[-1]).T).T.reshape(*e.shape[:-1], self.of_nodes.shape[0])
+        )
 
     def nodes(self, base: Array, slopes: Array) -> Array:
         """Return the coordinates (k, size) from those known of the base, (k, 2 or 3), and slopes (k, s)."""
@@ -126,7 +128,9 @@ class Steps:
 
         The slices follow each other.  The polynomials are not kept, because they need as much memory as the steps.
         """
-        lengths, logarithms, beginnings = np.diff(self.instants), self._logarithms(), self._beginnings()
+        begin = int(owners.min())
+        used, owners = self._between(begin, int(owners.max()) + 1), owners - begin
+        lengths, logarithms, beginnings = np.diff(used.instants), used._logarithms(), used._beginnings()
         for start in range(0, owners.size, INSTANTS_TOGETHER):
             together = slice(start, start + INSTANTS_TOGETHER)
             steps = owners[together]
@@ -143,6 +147,16 @@ class Steps:
             if orders > 2:
                 z[2] = z[0] * (rates[1] + rates[0] ** 2)
             yield together, z, np.array([(of_order[:, None] @ of_beginning)[:, 0] for of_order in terms])
+
+    def _between(self, begin: int, end: int) -> Steps:
+        """Return some consecutive steps without what their energies need."""
+        return Steps(
+            self.basis,
+            self.instants[begin : end + 1],
+            self.ends[begin : end + 1],
+            None if self.stages is None else self.stages[begin:end],
+            first=self.first and begin == 0,
+        )
 
     def _logarithms(self) -> Array:
         """Return the coefficients of 1, x, ..., x^5 in lambda, then theta, of the slopes, (m, 6, 2 s)."""

@@ -195,6 +195,8 @@ def participation(modes: Modes, mode: int) -> float:
 
 
 def _shapes(run: Trajectory, end: int) -> Array:
-    arcs = np.linspace(0.0, run.model.beam.length, 41).tolist()  # deformed shapes over one period, points of each
+    """Return points along the beam at 13 instants of the period that ends at a sample."""
     rows = np.linspace(max(0, end - PERIOD_SAMPLES), end, 13).astype(int)
-    return np.stack([run.position(arc)[rows] for arc in arcs], axis=1)
+    snapshots = run.at(run.time[rows])
+    arcs = np.linspace(0.0, run.model.beam.length, 41).tolist()
+    return np.stack([snapshots.position(arc) for arc in arcs], axis=1)

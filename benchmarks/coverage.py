@@ -71,7 +71,7 @@ from ancf_casadi import (
     static_equilibrium,
 )
 from ancf_casadi.estimation.fit import Fit, quantile
-from ancf_casadi.estimation.noise.stated import residual_noise
+from ancf_casadi.estimation.noise.stated import AssumedNoise, residual_noise
 from ancf_casadi.support.tables import Table
 from benchmarks.beams import DAMPING_RATIOS, silicone, steel
 from problems import Channel, FrequencyRecord, MarkerRecord, MotionRecord, ResponseRecord, StaticRecord, fit_beam
@@ -457,7 +457,9 @@ class FirstOrder:
             return [math.nan] * len(self.places)
         q, triangle = self.basis
         along, inverse = q.T @ noise, np.linalg.inv(triangle)
-        found = residual_noise(noise - q @ along, q, self.fit.series, self.fit.times, self.stated, self.size)
+        found = residual_noise(
+            noise - q @ along, q, AssumedNoise(self.fit.series, self.fit.times, self.stated, self.size)
+        )
         errors = np.sqrt(np.diag(inverse @ found.form(q) @ inverse.T))
         hits = np.abs(inverse @ along) <= quantile(0.95, found.freedom) * errors
         return [float(hits[place]) for place in self.places]

@@ -185,7 +185,7 @@ def _run(arguments: Sequence[str] | None) -> int:
     return max([_report_failure(failure) for failure in failures], default=0)
 
 
-def _show_warning(message: Warning | str, *where: Any, **more: Any) -> None:
+def _show_warning(message: Warning | str, *place: Any, **origin: Any) -> None:
     """Print a warning as one line, without the place in our sources that Python adds."""
     print(_printable(f"ancf-casadi: warning: {message}"), file=sys.stderr)
 

@@ -35,7 +35,7 @@ G. A. F. Seber, C. J. Wild, Nonlinear Regression, Wiley (1989), Sections 2.1, 5.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -68,6 +68,15 @@ def quantile(level: float, freedom: float) -> float:
     return float(scipy.special.stdtrit(freedom, 0.5 + level / 2)) if freedom else math.nan
 
 
+@dataclass(frozen=True)
+class SolverSettings:
+    """How to minimise the sum of squares of residuals."""
+
+    closed_form: bool = True  # second derivatives of the residuals are cheap: IPOPT, else Gauss-Newton steps
+    inaccuracy: float = 0.0  # norm of the error of the residuals, below which they need not be minimised
+    advice: str = ""  # for the error message if there is no solution
+
+
 @dataclass(frozen=True, eq=False)
 class Fit:
     """Estimated unknowns and their uncertainty; ``fit["name"]`` is the value of an unknown.
@@ -91,7 +100,7 @@ class Fit:
     iterations: int  # of IPOPT, or Gauss-Newton steps
     solve_seconds: float  # solution time, s
     model: cs.Function  # coordinates in units of their scales -> residuals, and their Jacobian by these
-    settings: Mapping[str, Any]  # settings of ``least_squares``, for a fit to other data
+    settings: SolverSettings
 
     @property
     def names(self) -> tuple[str, ...]:

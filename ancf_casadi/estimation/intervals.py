@@ -108,7 +108,7 @@ def profile_interval(
     width = math.sqrt(towards @ gradient) or float(np.abs(gradient).max()) or 1.0
     lower, upper = (fit.lower - fit.values) / step, (fit.upper - fit.values) / step
     options: dict[str, Any] = {"ipopt.tol": 1e-8, "ipopt.bound_relax_factor": 0.0, "ipopt.max_iter": 300}
-    if not fit.settings["closed_form"]:  # second derivatives are expensive or unknown
+    if not fit.settings.closed_form:  # second derivatives are expensive or unknown
         options["ipopt.hessian_approximation"] = "limited-memory"
     ends = []
     for sign in (-1.0, 1.0):

@@ -24,7 +24,8 @@ import numpy as np
 
 from ancf_casadi.estimation.block import Block
 from ancf_casadi.estimation.determination import check_determination
-from ancf_casadi.estimation.fit import Fit
+from ancf_casadi.estimation.fit import Fit, SolverSettings
+from ancf_casadi.estimation.noise.stated import AssumedNoise
 from ancf_casadi.estimation.solver.gauss_newton import HUBER
 from ancf_casadi.estimation.solver.least_squares import least_squares
 from ancf_casadi.estimation.solver.unknown import Unknown, with_guesses
@@ -114,15 +115,19 @@ class FitProblem:
             self.residuals,
             self.unknowns,
             huber=HUBER * scale if self.robust else math.inf,
-            closed_form=self.closed_form,
-            series=self.series,
-            times=self.times,
-            inaccuracy=scale * math.hypot(*(block.inaccuracy for block in self.blocks)),
             systematic=scale * self.root_mean_square([block.systematic for block in self.blocks]),
-            stated=np.repeat([*(block.stated for block in self.blocks), True], [*self._sizes, len(self._priors)]),
-            deviation=scale,
+            noise=AssumedNoise(
+                series=self.series,
+                times=self.times,
+                stated=np.repeat([*(block.stated for block in self.blocks), True], [*self._sizes, len(self._priors)]),
+                deviation=scale,
+            ),
+            settings=SolverSettings(
+                closed_form=self.closed_form,
+                inaccuracy=scale * math.hypot(*(block.inaccuracy for block in self.blocks)),
+                advice=self.advice,
+            ),
             jacobian=jacobian,
-            advice=self.advice,
         )
 
     def _check_determination(self) -> None:

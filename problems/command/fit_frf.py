@@ -75,8 +75,8 @@ def run_fit_frf(options: argparse.Namespace) -> Output:
     over_time = given_options(options, "response", *TIME_KEYS, *ESTIMATE_OPTIONS)
     refuse_combinations({
         "--force": (not over_frequency, "reads records over time", given_options(options, *other_keys)),
-        **{option: (given, "belongs to records over time", {"functions over frequency; give --force": over_frequency})
-           for option, given in over_time.items()},
+        **{option: (present, "belongs to records over time", {"functions over frequency; give --force": over_frequency})
+           for option, present in over_time.items()},
     })  # fmt: skip
     record = _read_functions(options) if over_frequency else _estimate_functions(options)
     with error_prefix(", ".join(options.files)):

@@ -41,8 +41,8 @@ def run_fit_mode(options: argparse.Namespace) -> Output:
     curve_tables = [path for path in options.files if Path(path).suffix.lower() == ".toml"]
     decay_files = [path for path in options.files if path not in curve_tables]
     if not decay_files:
-        for name, given in given_options(options, *RECORD_KEYS).items():
-            if given:
+        for name, present in given_options(options, *RECORD_KEYS).items():
+            if present:
                 raise InputError("belongs to the file of a record; give the file of a decay too, or leave it out", name)
     curves = [curve for path in curve_tables for curve in read_curves(path)]
     if options.frequency is not None and not options.curve:

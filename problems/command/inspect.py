@@ -56,7 +56,7 @@ def add_inspect(parser: argparse.ArgumentParser) -> None:
     parser.epilog = EPILOG
     parser.add_argument("file", metavar="FILE", help="file of measurements")
     add_plot(parser, "draw the channels over time, and their spectra")
-    add_record_options(parser, part=False)
+    add_record_options(parser, for_fit=False)
 
 
 @np.errstate(all="ignore")  # a file may hold any numbers

@@ -49,7 +49,7 @@ def finite(text: str) -> float:
 def comma_numbers(text: str) -> tuple[float, ...]:
     """Return numbers separated by commas from an argument."""
     try:
-        return tuple(finite(part) for part in text.split(","))
+        return tuple(finite(number) for number in text.split(","))
     except argparse.ArgumentTypeError:
         raise argparse.ArgumentTypeError(f"must be numbers separated by commas, got {text!r}") from None
 
@@ -104,12 +104,12 @@ def result_output(result: Reported, plot: Path | None) -> Output:
 
 def new_files(inputs: Sequence[str], *outputs: Path | None) -> None:
     """Check the output files: each must be writable, different from the others and from every input."""
-    taken = {os.path.realpath(path): "is an input, which would be lost; choose another name" for path in inputs}
+    refusals = {os.path.realpath(path): "is an input, which would be lost; choose another name" for path in inputs}
     for path in outputs:
         if path is None:
             continue
         check_file(path)
         place = os.path.realpath(path)
-        if place in taken:
-            raise InputError(taken[place], str(path))
-        taken[place] = "is named for two outputs; choose two names"
+        if place in refusals:
+            raise InputError(refusals[place], str(path))
+        refusals[place] = "is named for two outputs; choose two names"

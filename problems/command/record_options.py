@@ -52,12 +52,12 @@ def _argument(kinds: tuple[types.Type, ...], text: str) -> dict[str, Any]:
     return {"type": kind, "metavar": metavar, "help": text}
 
 
-def add_record_options(parser: argparse.ArgumentParser, *, part: bool = True) -> None:
-    """Add the options that say how to read a file, and those that choose a ``part`` of the record."""
+def add_record_options(parser: argparse.ArgumentParser, *, for_fit: bool = True) -> None:
+    """Add the options that say how to read a file, and those that choose the part to fit."""
     group = parser.add_argument_group("reading the file")
     add_keys(group, ChannelSpec, *FILE_KEYS)
     add_keys(group, SensorSpec, "sensor")
-    if not part:
+    if not for_fit:
         return
     group = parser.add_argument_group("choosing the part to fit")
     add_keys(group, ChannelSpec, "begin", "end")
@@ -118,7 +118,7 @@ def refuse_combinations(excluded: Mapping[str, tuple[bool, str, Mapping[str, boo
     Each option in ``excluded`` has three entries: whether it is given, what it does, and the settings that do not go
     with it, each with whether it is present.
     """
-    for option, (given, action, others) in excluded.items():
-        for name, present in others.items():
-            if given and present:
+    for option, (chosen, action, settings) in excluded.items():
+        for name, present in settings.items():
+            if chosen and present:
                 raise InputError(f"{action}; it does not go with {name}", option)

@@ -45,8 +45,8 @@ def add_reproduce(parser: argparse.ArgumentParser) -> None:
 
 
 def _add_options(parser: argparse.ArgumentParser, *, out: Path | None, files: str) -> None:
-    kept = "finished computations are kept with --out, and the same command continues from there"
-    parser.set_defaults(unfinished=kept)
+    resuming = "finished computations are kept with --out, and the same command continues from there"
+    parser.set_defaults(unfinished=resuming)
     parser.add_argument("--out", type=Path, default=out, metavar="DIR", help=files)
     parser.add_argument("--quick", action="store_true", help="short excitations and long steps, for a first look")
     parser.add_argument(

@@ -79,8 +79,8 @@ def _table(recording: Recording) -> Table:
     rows = []
     for k in range(0, len(recording.channels), 3):
         x, y, std = (channel.values for channel in recording.channels[k : k + 3])
-        seen = np.isfinite(x)
-        x, y = x[seen], y[seen]
+        tracked = np.isfinite(x)
+        x, y = x[tracked], y[tracked]
         rows.append((k // 3 + 1, x[0], y[0], np.ptp(x), np.ptp(y), root_mean_square(std), len(x)))
     measured = ("first x", "first y", "range of x", "range of y", "std")
     heads = ("marker", *(f"{name}, {recording.channels[0].symbol}" for name in measured), "frames")

@@ -53,9 +53,10 @@ import casadi as cs
 import numpy as np
 from scipy.special import chdtri
 
-from ancf_casadi.estimation.fit import Fit
+from ancf_casadi.estimation.fit import Fit, SolverSettings
 from ancf_casadi.estimation.noise.proportional import proportional_variance
 from ancf_casadi.estimation.noise.series import MOST_CONCENTRATION, concentration
+from ancf_casadi.estimation.noise.stated import AssumedNoise
 from ancf_casadi.estimation.solver.least_squares import least_squares
 from ancf_casadi.estimation.solver.unknown import Unknown
 from ancf_casadi.support.arrays import Array, ComplexArray
@@ -93,7 +94,10 @@ def refine(start: TrialFit) -> tuple[TrialFit, Fit]:
     residuals = callback_function(Differentiable(project_residuals, 2 * start.values.size, len(unknowns)), "projected")
     series, times = start.series
     fit = least_squares(
-        lambda *x: residuals(cs.vertcat(*x)), unknowns, closed_form=False, series=series, times=times, advice=FRF_ADVICE
+        lambda *x: residuals(cs.vertcat(*x)),
+        unknowns,
+        noise=AssumedNoise(series, times),
+        settings=SolverSettings(closed_form=False, advice=FRF_ADVICE),
     )
     return start.with_modes(fit.values), fit
 

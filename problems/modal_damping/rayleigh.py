@@ -34,6 +34,7 @@ from typing import Any
 import numpy as np
 
 from ancf_casadi.estimation.noise.covariance import Noise
+from ancf_casadi.estimation.noise.stated import AssumedNoise
 from ancf_casadi.estimation.prediction import PredictedChannel, RecordPrediction
 from ancf_casadi.estimation.result import LeastSquaresResult
 from ancf_casadi.estimation.solver.least_squares import least_squares
@@ -205,7 +206,7 @@ def fit_rayleigh(
     fit = least_squares(
         lambda α, β: (rayleigh_ratio(f, α, β) - ζ) / σ,
         [Unknown("alpha", α_0, α_0, lower=0.0, unit="1/s"), Unknown("beta", β_0, β_0, lower=0.0, unit="s")],
-        stated=None if deviations is None else np.ones(len(f), dtype=bool),
+        noise=AssumedNoise(stated=None if deviations is None else np.ones(len(f), dtype=bool)),
     )
     if deviations is not None:  # they are known, whatever the scatter
         fit = replace(fit, covariance=fit.covariance / fit.noise.variance, noise=Noise(1.0, math.inf))

@@ -10,6 +10,7 @@ from scipy import stats
 
 from ancf_casadi.estimation.fit import colour_warning, quantile
 from ancf_casadi.estimation.intervals import derived_intervals, profile_interval, profiles
+from ancf_casadi.estimation.noise.stated import AssumedNoise
 from ancf_casadi.estimation.result import LeastSquaresResult
 from ancf_casadi.estimation.solver.least_squares import least_squares
 from ancf_casadi.estimation.solver.unknown import Coordinates, Unknown, with_guesses
@@ -270,7 +271,7 @@ def test_the_result_reads_as_text_and_as_json():
 
 
 def test_the_text_says_nothing_of_a_correlation_that_is_unknown():
-    single = least_squares(lambda a: cs.vertcat(a - 1, a - 2), [Unknown("a", 0.0)], series=[1, 1])
+    single = least_squares(lambda a: cs.vertcat(a - 1, a - 2), [Unknown("a", 0.0)], noise=AssumedNoise([1, 1]))
     assert math.isnan(single.autocorrelation) and single.to_dict()["autocorrelation"] is None
     assert "correlate" not in single.lines()[0]
     assert "successive residuals correlate at" in straight().lines()[0]
@@ -361,7 +362,7 @@ def test_residuals_that_are_not_noise_are_told_of_unless_they_are_within_the_noi
 
     def fit(noise):
         unknowns = [Unknown("a", -0.5), Unknown("b", 0.0)]
-        return least_squares(lambda a, b: a + b * cs.DM(x) - cs.DM(noise), unknowns, series=[400])
+        return least_squares(lambda a, b: a + b * cs.DM(x) - cs.DM(noise), unknowns, noise=AssumedNoise([400]))
 
     assert colour_warning(fit(white)) is None
     biased = fit(coloured)
@@ -381,7 +382,7 @@ def test_profile_intervals_allow_for_coloured_residuals(lower):
     x = np.linspace(0.0, 3.0, 400)
     coloured = np.convolve(np.random.default_rng(1).standard_normal(407), np.ones(8), "valid")
     unknowns = [Unknown("a", 1.0, lower=lower), Unknown("b", 0.0)]
-    fit = least_squares(lambda a, b: a + b * cs.DM(x) - cs.DM(coloured), unknowns, series=[400])
+    fit = least_squares(lambda a, b: a + b * cs.DM(x) - cs.DM(coloured), unknowns, noise=AssumedNoise([400]))
     assert fit.at_bound == ("a",) * math.isfinite(lower)
     for k, name in enumerate(fit.names[: 1 if fit.at_bound else 2]):
         np.testing.assert_allclose(profile_interval(fit, name), fit.intervals()[k], rtol=1e-6)

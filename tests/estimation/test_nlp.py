@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from ancf_casadi import Beam, HarmonicBase, Model, RayleighDamping, frequency_response, reduce_model
+from ancf_casadi.estimation.fit import SolverSettings
 from ancf_casadi.estimation.solver import gauss_newton
 from ancf_casadi.estimation.solver.gauss_newton import loss
 from ancf_casadi.estimation.solver.least_squares import TIGHT, least_squares
@@ -114,14 +115,14 @@ def test_the_minimum_is_that_of_ipopt_with_second_derivatives(huber, closed_form
     b = cs.MX.sym("b", 2)
     exact = solve_nlp({"x": b, "f": 1e6 * loss(misra(100 * b[0], 1e-4 * b[1]), huber)}, np.array([2.5, 5.0])).x
     unknowns = [Unknown("b1", 500.0, 100.0), Unknown("b2", 1e-4, 1e-4)]
-    fit = least_squares(misra, unknowns, huber=huber, closed_form=closed_form)
+    fit = least_squares(misra, unknowns, huber=huber, settings=SolverSettings(closed_form))
     assert (abs(fit.values - exact * [100.0, 1e-4]) < (1e-4 if closed_form else 0.01) * fit.errors).all()
 
 
 @pytest.mark.parametrize("closed_form", [True, False])
 def test_the_minimum_stays_within_the_bounds(closed_form):
     unknowns = [Unknown("a", 0.5, lower=-0.5), Unknown("b", 0.0, upper=1.5)]
-    fit = least_squares(line, unknowns, closed_form=closed_form)
+    fit = least_squares(line, unknowns, settings=SolverSettings(closed_form))
     assert fit.active_bounds.tolist() == [False, True] and fit["b"] == 1.5
     assert fit["a"] == pytest.approx(np.mean(-1 + 0.5 * X + 0.1 * NOISE), rel=1e-9)
 
@@ -168,7 +169,7 @@ def test_a_fit_that_does_not_converge_says_what_to_try(monkeypatch):
     monkeypatch.setattr(gauss_newton, "MOST_STEPS", 2)
     unknowns = [Unknown("b1", 500.0, 100.0), Unknown("b2", 1e-4, 1e-4)]
     with pytest.raises(FitError, match="2 Gauss-Newton steps do not converge; start closer") as caught:
-        least_squares(misra, unknowns, closed_form=False)
+        least_squares(misra, unknowns, settings=SolverSettings(closed_form=False))
     assert caught.value.stats == {"iter_count": 2}
     np.testing.assert_allclose(least_squares(misra, unknowns).values, MISRA, rtol=1e-8)  # by IPOPT
     monkeypatch.setitem(TIGHT, "ipopt.max_iter", 2)

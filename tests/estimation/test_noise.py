@@ -11,6 +11,7 @@ from ancf_casadi.estimation.fit import quantile
 from ancf_casadi.estimation.noise.autoregression import first_correlation
 from ancf_casadi.estimation.noise.series import autocorrelation, concentration, series_grids
 from ancf_casadi.estimation.noise.spectrum import estimated_noise
+from ancf_casadi.estimation.noise.stated import AssumedNoise
 from ancf_casadi.estimation.solver.least_squares import least_squares
 from ancf_casadi.estimation.solver.unknown import Unknown
 from tests.coverage import covers
@@ -57,7 +58,9 @@ def test_white_residuals_count_as_white_and_have_the_errors_of_an_ordinary_fit()
         y = cs.DM(3.0 + np.cos(ANGLE) + rng.standard_normal(SAMPLES))
         fits = [
             least_squares(
-                lambda a, b, y=y: a * cs.cos(x) + b - y, [Unknown("a", 1.0), Unknown("b", 3.0)], series=series
+                lambda a, b, y=y: a * cs.cos(x) + b - y,
+                [Unknown("a", 1.0), Unknown("b", 3.0)],
+                noise=AssumedNoise(series),
             )
             for series in ([SAMPLES], [])
         ]

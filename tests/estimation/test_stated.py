@@ -8,7 +8,7 @@ from scipy.stats import chi2
 
 from ancf_casadi.estimation.fit import quantile
 from ancf_casadi.estimation.noise.spectrum import estimated_noise
-from ancf_casadi.estimation.noise.stated import CONTRADICTED, DOUBTED, stated_noise
+from ancf_casadi.estimation.noise.stated import CONTRADICTED, DOUBTED, AssumedNoise, stated_noise
 from ancf_casadi.estimation.solver.least_squares import least_squares
 from ancf_casadi.estimation.solver.unknown import Unknown
 
@@ -69,8 +69,7 @@ def test_in_a_mix_each_kind_of_residual_has_its_own_noise():
         least_squares(
             lambda x, y, scale=scale: a * x + b * y - cs.DM(np.where(known, scale, 1.0) * noise),
             [Unknown("x", 0.0), Unknown("y", 0.0)],
-            series=[1] * 6 + [40],
-            stated=known,
+            noise=AssumedNoise([1] * 6 + [40], stated=known),
         )
         for scale in (1 / 3, 1.0)
     ]

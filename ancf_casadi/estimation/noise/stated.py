@@ -26,7 +26,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy  # its packages are imported on first use
@@ -40,18 +40,22 @@ from ancf_casadi.support.arrays import Array, Mask
 DOUBTED, CONTRADICTED = 0.2, 0.05
 
 
-def residual_noise(
-    residuals: Array, basis: Array, series: Sequence[int], times: Array | None, stated: Mask | None, deviation: float
-) -> Noise:
-    """Return the noise of residuals (m,), some of which have the standard deviation that the user states.
+@dataclass(frozen=True, eq=False)
+class AssumedNoise:
+    """What is known of the noise of the residuals (m,) before a fit."""
 
-    ``basis`` (m, n) is an orthonormal basis of the columns of the Jacobian; ``series`` are the numbers of residuals in
-    each series, and ``times`` (m,), s, their instants.  The mask ``stated`` (m,) selects the residuals with the stated
-    ``deviation``; None for no residual.
-    """
+    series: Sequence[int] = ()  # lengths of the series of residuals, each in the order of time; white noise without
+    times: Array | None = None  # of the residuals, s; if None, those of a series are equally spaced
+    stated: Mask | None = None  # residuals whose standard deviation the user states; None for no residual
+    deviation: float = 1.0  # the stated standard deviation
+
+
+def residual_noise(residuals: Array, basis: Array, assumed: AssumedNoise) -> Noise:
+    """Return the noise of residuals (m,); ``basis`` (m, n) is an orthonormal basis of the columns of the Jacobian."""
+    series, times, stated = assumed.series, assumed.times, assumed.stated
     if stated is None or not stated.any():
         return estimated_noise(residuals, basis, series, times)
-    noise_of_stated = stated_noise(residuals[stated], basis[stated], deviation)
+    noise_of_stated = stated_noise(residuals[stated], basis[stated], assumed.deviation)
     if stated.all():
         return noise_of_stated
     others, n = ~stated, basis.shape[1]

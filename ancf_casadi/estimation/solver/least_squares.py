@@ -18,13 +18,14 @@ import math
 import time
 import warnings
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import casadi as cs
 import numpy as np
 
-from ancf_casadi.estimation.fit import Fit
-from ancf_casadi.estimation.noise.stated import residual_noise
+from ancf_casadi.estimation.fit import Fit, SolverSettings
+from ancf_casadi.estimation.noise.stated import AssumedNoise, residual_noise
 from ancf_casadi.estimation.solver.gauss_newton import Minimum, influence, loss, minimise, residuals_and_jacobian
 from ancf_casadi.estimation.solver.nlp import solve_nlp
 from ancf_casadi.estimation.solver.unknown import Coordinates, Unknown, with_guesses
@@ -39,6 +40,7 @@ TIGHT: Mapping[str, Any] = {
     "ipopt.bound_relax_factor": 0.0,
     "ipopt.max_iter": 300,
 }
+UNKNOWN_NOISE, DEFAULT_SETTINGS = AssumedNoise(), SolverSettings()
 AT_BOUND = 1e-6  # distance, in scales, that an interior-point method leaves between an unknown and its active bound
 
 
@@ -47,15 +49,10 @@ def least_squares(
     unknowns: Sequence[Unknown],
     *,
     huber: float = math.inf,  # residual beyond which the loss grows linearly
-    closed_form: bool = True,  # second derivatives of the residuals are cheap: IPOPT, else Gauss-Newton steps
-    series: Sequence[int] = (),  # lengths of the series of residuals, each in the order of time; white noise without
-    times: Array | None = None,  # of the residuals, s; if None, those of a series are equally spaced
-    inaccuracy: float = 0.0,  # norm of the error of the residuals, below which they need not be minimised
     systematic: float = 0.0,  # root mean square of a systematic error, for which the standard errors allow
-    stated: Mask | None = None,  # residuals (m,) whose standard deviation the user states; those of a robust fit vary
-    deviation: float = 1.0,  # the stated standard deviation
+    noise: AssumedNoise = UNKNOWN_NOISE,  # with ``huber``, stated standard deviations count for nothing
+    settings: SolverSettings = DEFAULT_SETTINGS,
     jacobian: Array | None = None,  # of the residuals by the coordinates of the unknowns near the guess, (m, n)
-    advice: str = "",  # for the error message if there is no solution
 ) -> Fit:
     """Estimate unknowns within their bounds by least squares or, with ``huber``, by the pseudo-Huber loss."""
     if not huber > 0.0:
@@ -68,16 +65,14 @@ def least_squares(
     if evaluate.size1_out(0) < len(names):
         raise InputError(f"{evaluate.size1_out(0)} values cannot determine {len(names)} unknowns", "residuals")
 
-    lower, upper = y.lower / y.scale, y.upper / y.scale
     began = time.perf_counter()
-    if closed_form:
-        minimum, status = _by_ipopt(residuals, evaluate, y, huber, advice)
+    if settings.closed_form:
+        minimum, status = _by_ipopt(residuals, evaluate, y, huber, settings.advice)
     else:
-        settings: dict[str, Any] = {"huber": huber, "systematic": systematic, "inaccuracy": inaccuracy}
-        settings["jacobian"] = None if jacobian is None else jacobian * y.scale
-        minimum, status = minimise(evaluate, y.guess / y.scale, lower, upper, **settings), "converged"
-        _check_minimum(minimum, advice)
+        near = None if jacobian is None else jacobian * y.scale
+        minimum, status = _by_gauss_newton(evaluate, y, settings, huber=huber, systematic=systematic, jacobian=near)
     seconds = time.perf_counter() - began
+    lower, upper = y.lower / y.scale, y.upper / y.scale
     z, r, jacobian = minimum.z, minimum.residuals, minimum.jacobian
     bound_distance = np.maximum(AT_BOUND, _invisible_moves(r, jacobian, systematic))
     at_lower, at_upper = z - lower < bound_distance, upper - z < bound_distance
@@ -86,14 +81,15 @@ def least_squares(
         r, jacobian = residuals_and_jacobian(evaluate, values / y.scale)
     jacobian, free = jacobian / y.scale, ~active
     if not np.isfinite(jacobian).all():
-        raise FitError(f"at the bounds that the estimates reach, the residuals are not finite; {advice or 'move them'}")
+        raise FitError(
+            f"at the bounds that the estimates reach, the residuals are not finite; {settings.advice or 'move them'}"
+        )
     root, condition, weak = _inverse_root(jacobian[:, free])
     if weak.any():
         undetermined = ", ".join(np.array(names)[free][weak])
-        raise FitError(f"the data do not determine {undetermined}; {advice or 'fix one, or add data'}")
+        raise FitError(f"the data do not determine {undetermined}; {settings.advice or 'fix one, or add data'}")
     basis, (psi, w) = jacobian[:, free] @ root, influence(r, huber)
-    stated_rows = stated if math.isinf(huber) else None
-    scatter = residual_noise(psi, basis, series, times, stated_rows, deviation)
+    scatter = residual_noise(psi, basis, noise if math.isinf(huber) else replace(noise, stated=None))
     spread = scatter.form(basis) / w**2 + len(r) * systematic**2 * np.eye(len(root))
     covariance = np.full((len(names), len(names)), math.nan)
     covariance[np.ix_(free, free)] = root @ spread @ root.T
@@ -103,8 +99,8 @@ def least_squares(
         covariance=covariance,
         active_bounds=active,
         residuals=r,
-        series=tuple(series),
-        times=times,
+        series=tuple(noise.series),
+        times=noise.times,
         noise=scatter,
         jacobian=jacobian,
         condition=condition,
@@ -114,19 +110,25 @@ def least_squares(
         iterations=minimum.steps,
         solve_seconds=seconds,
         model=evaluate,
-        settings={"closed_form": closed_form, "inaccuracy": inaccuracy, "advice": advice},
+        settings=settings,
     )
 
 
-def _check_minimum(minimum: Minimum, advice: str) -> None:
-    """Raise a FitError if no Gauss-Newton step was possible, or if the steps do not converge."""
+def _by_gauss_newton(
+    evaluate: cs.Function, y: Coordinates, settings: SolverSettings, **weights: Any
+) -> tuple[Minimum, str]:
+    """Return the minimum by Gauss-Newton steps; raise a FitError if none was possible, or if they do not converge."""
+    bounds = y.lower / y.scale, y.upper / y.scale
+    minimum = minimise(evaluate, y.guess / y.scale, *bounds, inaccuracy=settings.inaccuracy, **weights)
     if not minimum.steps:
         _largest_weight(minimum.jacobian)  # check
     if not minimum.settled:
         raise FitError(
-            f"no minimum was found: {minimum.steps} Gauss-Newton steps do not converge; {advice or 'start closer'}",
+            f"no minimum was found: {minimum.steps} Gauss-Newton steps do not converge; "
+            f"{settings.advice or 'start closer'}",
             {"iter_count": minimum.steps},
         )
+    return minimum, "converged"
 
 
 def _by_ipopt(
@@ -209,6 +211,6 @@ def refit_with_noise(fit: Fit, noise: Array) -> Array:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RuntimeWarning)  # a trial that cannot be computed shortens the step
         fit_to_noise = least_squares(
-            residuals, with_guesses(fit.unknowns, fit.estimates), huber=fit.huber, **fit.settings
+            residuals, with_guesses(fit.unknowns, fit.estimates), huber=fit.huber, settings=fit.settings
         )
     return np.array(list(fit_to_noise.estimates.values()))

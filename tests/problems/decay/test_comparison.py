@@ -14,6 +14,7 @@ from ancf_casadi.decay.first_guess import first_guess
 from ancf_casadi.estimation.comparison import mixed_ends
 from ancf_casadi.estimation.criteria import Candidate, Expectation, expectation, judge
 from ancf_casadi.estimation.determination import check_determination
+from ancf_casadi.estimation.noise.stated import AssumedNoise
 from ancf_casadi.estimation.solver.least_squares import least_squares
 from ancf_casadi.estimation.solver.unknown import Unknown
 from ancf_casadi.exceptions import FitError, InputError
@@ -204,7 +205,9 @@ def line(slope, *, sloping):
     """Fit of a constant to a line of height 1 without noise, with or without a slope that is not negative."""
     unknowns = [Unknown("a", 1.0), *([Unknown("b", slope, lower=0.0)] if sloping else [])]
     return least_squares(
-        lambda a, b=0.0: a + b * cs.DM(LINE_TIME) - cs.DM(1.0 + slope * LINE_TIME), unknowns, times=LINE_TIME
+        lambda a, b=0.0: a + b * cs.DM(LINE_TIME) - cs.DM(1.0 + slope * LINE_TIME),
+        unknowns,
+        noise=AssumedNoise(times=LINE_TIME),
     )
 
 

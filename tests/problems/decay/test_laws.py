@@ -373,7 +373,7 @@ def test_a_fit_that_does_not_converge_starts_again_elsewhere(monkeypatch):
 
     def failing_once(residuals, unknowns, **options):
         starts.append([unknown.guess for unknown in unknowns])
-        assert "release" in options["advice"]  # what the caller can change
+        assert "release" in options["settings"].advice  # what the caller can change
         if len(starts) == 1:
             raise FitError("no minimum was found", {"iter_count": 300})
         return least_squares(residuals, unknowns, **options)

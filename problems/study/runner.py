@@ -8,7 +8,6 @@ after the other.
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Sequence
 from concurrent.futures import Executor, Future, ThreadPoolExecutor
 from dataclasses import replace
 from functools import cache
@@ -19,21 +18,19 @@ from typing import Any
 from tqdm import tqdm
 
 from ancf_casadi.exceptions import NumericsError
-from ancf_casadi.mechanics.beam import Beam
 from ancf_casadi.mechanics.spec import BeamSpec
 from ancf_casadi.support.parallel import COUNT_BAR, executor_errors, processes
 from problems.study.compute import SUFFIX, Compute, Store, ThisThread, decode, encode, wait_for
-from problems.study.step import Finding, Step
+from problems.study.step import Finding, Step, Study
 
 STEPS_FOLDER = "steps"  # folder with the kept results
 MOST_THREADS = 10_000  # which wait: one for each step, and one for each computation
 
 
 def run_steps(
-    steps: Sequence[Step],
+    study: Study,
     folder: Path,
     *,
-    beam: Beam | None = None,
     quick: bool = False,
     keep_others: bool = False,
     formats: tuple[str, ...],
@@ -44,9 +41,9 @@ def run_steps(
     """Run all steps, and return their findings with the times of their computations.
 
     The folder is that of the results, with the finished computations of an earlier run; those of other steps are
-    removed unless they are to be kept.  The beam is that of the file.
+    removed unless they are to be kept.
     """
-    by_name = {step.name: step for step in steps}
+    by_name = {step.name: step for step in study.steps}
     kept_folder = folder / STEPS_FOLDER
     findings: dict[str, Future[Finding]] = {}
 
@@ -70,8 +67,8 @@ def run_steps(
         store = Store(kept_folder, workers, threads, bar)
         stack.callback(threads.shutdown, wait=False)
         stack.callback(store.stop, cancel=executor is not None)  # processes of the study are ended instead
-        findings[""] = ThisThread().submit(Finding, None, beam=None if beam is None else BeamSpec.of(beam))
-        for name in TopologicalSorter({step.name: step.needs for step in steps}).static_order():
+        findings[""] = ThisThread().submit(Finding, None, beam=None if study.beam is None else BeamSpec.of(study.beam))
+        for name in TopologicalSorter({step.name: step.needs for step in study.steps}).static_order():
             if name:
                 findings[name] = threads.submit(run, by_name[name])
         wait_for(findings.values())

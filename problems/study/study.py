@@ -169,9 +169,8 @@ def run_study(
     formats: tuple[str, ...] = () if folder is None else ("svg",) if quick else ("svg", "png")
     with contextlib.ExitStack() as stack:
         findings = run_steps(
-            study.steps,
+            study,
             folder or Path(stack.enter_context(TemporaryDirectory())),
-            beam=study.beam,
             quick=quick,
             keep_others=bool(names) or quick,
             formats=formats,

@@ -14,7 +14,7 @@ import pytest
 from ancf_casadi.exceptions import FitError, InputError
 from problems.study.compute import Compute
 from problems.study.runner import STEPS_FOLDER, run_steps
-from problems.study.step import Finding, Findings, Step
+from problems.study.step import Finding, Findings, Step, Study
 from problems.study.study import run_study
 from tests.problems.conftest import BEAM, DECAYS, RAYLEIGH, without_times
 
@@ -61,7 +61,7 @@ class Bench:
     def run(self, *steps: Step, jobs: int = 1, executor: Any = None) -> dict[str, float]:
         """Return the sum of each step."""
         self.log.unlink(missing_ok=True)
-        self.ran = run_steps(steps, self.folder, formats=(), jobs=jobs, executor=executor, progress=False)
+        self.ran = run_steps(Study(steps=steps), self.folder, formats=(), jobs=jobs, executor=executor, progress=False)
         return {finding.name: finding.data["sum"] for finding in self.ran}
 
     @property

@@ -10,10 +10,11 @@ from typing import Annotated, Any
 import msgspec
 import numpy as np
 
-from ancf_casadi.estimation.fit import CONFIDENCE_LEVEL, quantile
+from ancf_casadi.estimation.fit import CONFIDENCE_LEVEL
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.files import read_bytes
+from ancf_casadi.support.inputs import number
 from ancf_casadi.support.tables import Reported, Table
 
 
@@ -95,20 +96,18 @@ class SavedFit(Reported):
     def intervals(self, level: float = CONFIDENCE_LEVEL) -> dict[str, tuple[float, float]]:
         """Return the interval of each estimated quantity by name.
 
-        The file has those of 95 %; others reach further or less far from the estimate in proportion to the quantile.
-
         Raises
         ------
         InputError
-            If the level is not between 0 and 1.
+            If the level is not 0.95: the file has no other intervals, and those at a bound or by profile likelihood do
+            not follow from it.
         """
-        freedom = math.inf if self.numbers.degrees_of_freedom is None else self.numbers.degrees_of_freedom
-        ratio = quantile(level, freedom) / quantile(CONFIDENCE_LEVEL, freedom)
-        intervals = {}
-        for estimate in self.numbers.estimates:
-            value, (low, high) = _number(estimate.value), map(_number, estimate.interval_95)
-            intervals[estimate.name] = (value + ratio * (low - value), value + ratio * (high - value))
-        return intervals
+        if number(level, "level") != CONFIDENCE_LEVEL:
+            raise InputError("the file has the intervals of 0.95 alone; fit the record again for others", "level")
+        return {
+            estimate.name: (_number(estimate.interval_95[0]), _number(estimate.interval_95[1]))
+            for estimate in self.numbers.estimates
+        }
 
     @property
     def covariance(self) -> Array:

@@ -163,10 +163,10 @@ def test_a_saved_result_states_the_same(case, tmp_path):
     assert (found.at_bound, found.warnings) == (fit.at_bound, fit.warnings)
     np.testing.assert_allclose(found.covariance, fit.covariance)
     np.testing.assert_allclose(found.correlations, fit.correlations, atol=1e-12)
-    other = 0.07 if fit.agreements else 0.05  # those of records that agree have few degrees of freedom
-    for level, close in ((0.95, 1e-9), (0.9, other)):  # others than 95 % follow from that one
-        for name, ends in fit.intervals(level).items():
-            assert found.intervals(level)[name] == pytest.approx(ends, rel=0.0, abs=close * (ends[1] - ends[0]))
+    for name, ends in fit.intervals().items():
+        assert found.intervals()[name] == pytest.approx(ends, rel=1e-9)
+    with pytest.raises(InputError, match="level: the file has the intervals of 0.95 alone"):
+        found.intervals(0.9)
     assert len(repr(fit)) < 200 and len(repr(found)) < 200 and found._repr_html_().startswith("<table>")
     found.figure(found).draw_without_rendering()
     assert Identification.of(fit).kind == Identification.of(found).kind == kind
@@ -207,6 +207,6 @@ def test_a_fit_with_nothing_to_spare_has_no_intervals_after_loading_either(tmp_p
     fit.save(tmp_path / "fit.json")
     found = load_fit(tmp_path / "fit.json")
     assert found.estimates == fit.estimates
-    assert all(math.isnan(end) for ends in found.intervals(0.9).values() for end in ends)
+    assert all(math.isnan(end) for ends in found.intervals().values() for end in ends)
     with pytest.raises(InputError, match="fit: has no scatter"):
         monte_carlo(fit, runs=2)

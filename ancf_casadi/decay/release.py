@@ -176,16 +176,35 @@ def _sliding_maximum(values: Array, last_indices: Index) -> Array:
 
 
 def find_end_of_excitation(time: Array, displacement: Array) -> int:
-    """Return the index of the first sample after an excitation; 0 if there is none."""
+    """Return the index of the first sample after an excitation; 0 if there is none.
+
+    A motion that ends within a few windows is searched in shorter ones first, which divide its second half.
+    """
     if len(time) < MIN_WINDOW_SAMPLES:
         return 0
-    track = _track_windows(
-        time, displacement, 2 * math.pi * peak_frequencies(time, displacement - displacement.mean())[0]
-    )
-    z, windows = track.z, len(track.z)
+    ω = 2 * math.pi * peak_frequencies(time, displacement - displacement.mean())[0]
+    track = _track_windows(time, displacement, ω)
+    A, windows = track.amplitude, len(track.z)
     if windows < 2 * MIN_WINDOWS + 1:
         return 0
-    k, motion = track.k, _motion_power(z, displacement)
+    last_windows = windows - 1 - int(np.flatnonzero(A > A.max() / 2)[-1])  # with less than half of the largest swing
+    if 0 < last_windows <= 2 * MIN_WINDOWS and ω * (time[-1] - time[0]) > 2 * math.pi * MAX_WINDOWS:
+        begin, end = (_first_sample(time, track, k) for k in (track.number[windows // 2], track.number[-1] + 1))
+        later_end = find_end_of_excitation(time[begin:end], displacement[begin:end])
+        if later_end:
+            return begin + later_end
+    return _find_end_in_windows(time, displacement, track)
+
+
+def _first_sample(time: Array, track: Track, window: int) -> int:
+    """Return the index of the first sample of a window."""
+    return int(np.searchsorted(time, time[0] + window * track.length - track.step / 2))
+
+
+def _find_end_in_windows(time: Array, displacement: Array, track: Track) -> int:
+    """Return the index of the first sample of the window that follows an excitation; 0 if there is none."""
+    k, z, windows = track.k, track.z, len(track.z)
+    motion = _motion_power(z, displacement)
 
     def is_evident(free: float, forced: float, unknowns: int) -> bool:
         return larger_model_is_evident(free, forced, 2 * windows, unknowns, motion)
@@ -204,9 +223,10 @@ def find_end_of_excitation(time: Array, displacement: Array) -> int:
                 misfits[s] = (misfit + float(free_misfits[s])) * windows / (windows - 1)
         return min(misfits, key=lambda s: (misfits[s], s))
 
-    stride = math.isqrt(windows)
-    coarse_end = best_end(range(MIN_WINDOWS + 1, windows - MIN_WINDOWS + 1, stride))
-    first, last = max(MIN_WINDOWS + 1, coarse_end - stride), min(windows - MIN_WINDOWS, coarse_end + 2 * stride)
+    # the misfit falls towards a short decay after a long excitation only within a few windows
+    coarse_end = best_end(range(MIN_WINDOWS + 1, windows - MIN_WINDOWS + 1, MIN_WINDOWS))
+    reach = math.isqrt(windows)
+    first, last = max(MIN_WINDOWS + 1, coarse_end - reach), min(windows - MIN_WINDOWS, coarse_end + 2 * reach)
     end = best_end(range(first, last + 1))
     best_misfit = misfits[end]  # of ten unknowns: q, its amplitude, B, p, C and s
     if not sustained[end] or not is_evident(single_misfit, best_misfit, 10 - 4):
@@ -216,7 +236,7 @@ def find_end_of_excitation(time: Array, displacement: Array) -> int:
     if not all(is_evident(several_modes_misfit(k, z, modes), best_misfit, 10 - 4 * modes) for modes in (2, 3)):
         return 0
     latest_end = max(s for s, misfit in misfits.items() if not is_evident(misfit, best_misfit, 0))
-    return int(np.searchsorted(time, time[0] + track.number[latest_end] * track.length - track.step / 2))
+    return _first_sample(time, track, int(track.number[latest_end]))
 
 
 def _motion_power(z: ComplexArray, values: Array) -> float:

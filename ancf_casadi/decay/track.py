@@ -166,7 +166,8 @@ def fit_forced_response(k: Array, y: ComplexArray, log_q: complex) -> tuple[floa
     the round before, with B and C from linear least squares.
     """
     k, s = k[:-1], float(k[-1])
-    decay = np.exp(log_q * (k - s))  # transient, 1 at the last window
+    exponent = log_q * (k - s)
+    decay = np.exp(exponent - exponent.real.max())  # transient, of size 1 where it is largest
     centre_angle, width = 0.0, math.pi / 2
     decay_projection, energy = np.vdot(decay, y), float(np.vdot(decay, decay).real)
 

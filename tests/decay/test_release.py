@@ -78,6 +78,17 @@ def test_frequency_and_damping_after_an_excitation_are_unbiased(ζ, noise, least
     assert ((np.abs(scores) < 2.0).mean(axis=0) >= 0.8).all()
 
 
+@pytest.mark.parametrize("ζ", [0.02, 0.05])
+@pytest.mark.parametrize("driven", [400, 800, 1360])
+def test_a_short_decay_is_found_after_a_long_excitation(ζ, driven):
+    """The decay lasts for 25 or 10 periods, of which the record has 1400."""
+    t, x, stop = excited(ζ, 1.0, driven, 1400 - driven, from_rest=True)
+    fit = fit_decay(t, x + 1e-3 * np.random.default_rng(0).standard_normal(len(t)))
+    assert fit.release_reason == ENDS and -1.0 < (fit.release_time - stop) * FREQUENCY < 6.0
+    low, high = fit.intervals()["damping_ratio"]
+    assert low < ζ < high < low + ζ / 3
+
+
 @pytest.mark.slow
 def test_without_the_finder_the_damping_would_be_wrong():
     t, x, _ = excited(0.01, 0.99, 20, 25, from_rest=False)

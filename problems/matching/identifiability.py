@@ -152,14 +152,17 @@ class Identifiability:
     def factor_covariance(self) -> Array:
         """Covariance of the factors, (F, F).
 
-        Nan for factors that are not determined or are at a bound, and if no standard deviation is known.
+        Nan for factors that are not determined or are at a bound, and if no standard deviation weighs the residuals.
         """
         rows = self.space.map
-        covariance = rows @ self.covariance @ rows.T
+        covariance, is_determined = rows @ self.covariance @ rows.T, self.determines(rows)
+        return np.where(np.outer(is_determined, is_determined) & self.matching.weighted, covariance, math.nan)
+
+    def determines(self, rows: Array) -> Mask:
+        """Return whether data and prior determine each combination (r, N) of unknowns that are not at a bound."""
         _, directions, determined = self._spectrum
-        undetermined = directions[:, ~determined]
-        is_determined = np.linalg.norm(rows @ undetermined, axis=1) < NULL_SHARE * np.linalg.norm(rows, axis=1)
-        return np.where(np.outer(is_determined, is_determined) & self.matching.noisy, covariance, math.nan)
+        undetermined = np.linalg.norm(rows @ directions[:, ~determined], axis=1)
+        return np.asarray(undetermined < NULL_SHARE * np.linalg.norm(rows, axis=1))
 
     @property
     def standard_errors(self) -> Array:

@@ -99,6 +99,11 @@ class Matching:
         return self.measured.frequency_std is not None
 
     @property
+    def weighted(self) -> bool:
+        """True if known standard deviations weigh the residuals, so that standard errors follow."""
+        return self.noisy and self.objective == "least-squares"
+
+    @property
     def unit(self) -> float:
         """Smallest relative standard deviation u of a frequency; 1 if none is given."""
         return float(self.measured.relative_std.min())

@@ -147,7 +147,10 @@ class FrequencyMatch(FitResult):
 
     @property
     def standard_errors(self) -> dict[str, float]:
-        """Standard error of each property that may change, SI units; nan if the data do not determine it."""
+        """Standard error of each property that may change, SI units.
+
+        Nan if the data do not determine it, and for ``worst-error``, whose scatter ``monte_carlo`` shows.
+        """
         return self._by_name(self.identifiability.standard_errors * np.abs(self._given_values))
 
     def intervals(self, level: float = CONFIDENCE_LEVEL) -> dict[str, Interval]:
@@ -205,8 +208,11 @@ class FrequencyMatch(FitResult):
         """
         self.check_name(name)
         t = quantile(level, math.inf)
-        if not self.matching.noisy:
-            raise InputError("has no scatter: give the standard deviations of the targets", "fit")
+        if not self.matching.weighted:
+            advice = (
+                "match by least squares, or use monte_carlo" if self.matching.noisy else "give those of the targets"
+            )
+            raise InputError(f"has no standard deviations that weigh its residuals; {advice}", "fit")
         k = self._names.index(name)
         low, high = sorted(end * float(self._given_values[k]) for end in self.identifiability.extremes(k, t**2))
         return low, high
@@ -225,15 +231,17 @@ class FrequencyMatch(FitResult):
         measured.check_beam(self.beam)
         matching, fit, m = Matching(self.matching.space, measured), self.identifiability, self.unknowns
         size, count = np.array(measured.frequencies) * matching.relative, measured.count
-        tangents = matching.jacobian(m)[:count] * ~fit.at_bound
+        tangents = matching.jacobian(m)[:count]  # of the frequencies, relative to ``size``
         errors = size * np.sqrt(np.einsum("ij,jk,ik->i", tangents, fit.covariance, tangents))
-        errors = errors if self.matching.noisy else np.full(count, math.nan)
+        errors[~fit.determines(tangents) | (not self.matching.weighted)] = math.nan
         noise = float(np.sqrt(np.mean(np.square(measured.frequency_std or math.nan)))) if matching.noisy else math.nan
         predicted, places = matching.state(m).frequencies, np.arange(1.0, count + 1.0)
         channel = PredictedChannel(
             "frequency", "Hz", np.array(measured.frequencies), predicted, errors, places, "target", noise
         )
-        return RecordPrediction(self.kind, (channel,))
+        unknown = "the match leaves properties open that change these frequencies: their standard errors are unknown"
+        notes = (unknown,) if self.matching.weighted and np.isnan(errors).any() else ()
+        return RecordPrediction(self.kind, (channel,), notes)
 
     def resampled(self, noise: Array) -> Array:
         """Return the properties (p,) of the match to the modes of this beam plus noise of each residual (m,)."""

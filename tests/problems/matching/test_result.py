@@ -15,6 +15,7 @@ from problems import (
     Smooth,
     Smoothness,
     match_frequencies,
+    monte_carlo,
 )
 from problems.matching.identifiability import Identifiability
 from tests.problems.paper import numbers as paper
@@ -174,6 +175,18 @@ class TestOutOfReach:
         assert 100 * match.max_relative_error == pytest.approx(percent, abs=0.006)
         assert match.out_of_reach == (percent > 0)
 
+    def test_the_smallest_worst_error_has_no_standard_errors_but_scatters(self, beam):
+        """The least squares of the same targets have a standard error of 0.1 %; the worst error follows mode 5."""
+        frequencies = natural_modes(Model(beam), count=5).frequencies
+        std = frequencies * [0.001, 0.001, 0.001, 0.02, 0.02]
+        targets = MeasuredModes(tuple(frequencies.tolist()), frequency_std=tuple(std.tolist()))
+        match = match_frequencies(beam, targets=targets, unknowns=[Global("elastic_modulus")], objective="worst-error")
+        assert np.isnan(match.standard_errors["elastic_modulus"]) and np.isnan(match.covariance).all()
+        assert np.isnan(match.predict(targets).channels[0].errors).all()
+        with pytest.raises(InputError, match=r"^fit: .*monte_carlo"):
+            match.profile("elastic_modulus")
+        assert monte_carlo(match, runs=8, seed=1).stds[0] > 0.005 * 210e9
+
     @pytest.mark.slow
     def test_multipliers_say_what_wider_bounds_bring(self, beam):
         """With wider bounds the worst error falls by the sum of the multipliers times the widening, to first order."""
@@ -326,6 +339,16 @@ class TestIdentifiability:
         assert np.isnan(errors[0])
         inner = [k for k in range(ELEMENTS) if f"thickness[{k + 1}]" not in match.at_bound]
         assert (errors[inner] < free.identifiability.standard_errors[inner]).all()
+
+    def test_frequencies_that_the_match_leaves_open_are_predicted_without_standard_errors(self, beam):
+        frequencies = natural_modes(Model(beam), count=6).frequencies
+        stds = 1e-3 * frequencies
+        targets = MeasuredModes(tuple(frequencies[:2].tolist()), frequency_std=tuple(stds[:2].tolist()))
+        match = match_frequencies(beam, targets=targets, unknowns=[Smooth("thickness", terms=5)])
+        everything = MeasuredModes(tuple(frequencies.tolist()), frequency_std=tuple(stds.tolist()))
+        prediction = match.predict(everything)
+        assert np.isfinite(prediction.channels[0].errors).tolist() == [True] * 2 + [False] * 4
+        assert any("leaves properties open" in note for note in prediction.warnings)
 
 
 class TestStarts:

@@ -264,12 +264,13 @@ def _steady_values(block: CurveBlock, guesses: Mapping[str, float]) -> Array:
 def _prior(shared: Sequence[Unknown], before: BeamFit | None) -> Array:
     """Return the information of priors and of an earlier fit on the shared unknowns, in units of their scales."""
     y = Coordinates.of(shared)
-    weights = y.slopes(y.guess) * y.scale / [unknown.prior_std for unknown in shared]
+    steps = y.slopes(y.guess) * y.scale  # changes of the unknowns
+    weights = steps / [unknown.prior_std for unknown in shared]
     information = np.diag(weights**2)
     if before is not None:
-        names = before.fit.names
+        names = tuple(before.estimates)
         rows = [k for k, unknown in enumerate(shared) if unknown.name in names and unknown.name not in before.at_bound]
         columns = [names.index(shared[k].name) for k in rows]
-        earlier_information = np.linalg.inv(before.fit.covariance[np.ix_(columns, columns)])
-        information[np.ix_(rows, rows)] += earlier_information * np.outer(y.scale[rows], y.scale[rows])
+        earlier_information = np.linalg.inv(before.covariance[np.ix_(columns, columns)])
+        information[np.ix_(rows, rows)] += earlier_information * np.outer(steps[rows], steps[rows])
     return information

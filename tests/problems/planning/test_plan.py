@@ -28,7 +28,7 @@ from ancf_casadi import (
     static_equilibrium,
 )
 from ancf_casadi.exceptions import FitError
-from problems import PlannedRecord, fit_beam, plan
+from problems import FrequencyRecord, PlannedRecord, fit_beam, plan
 
 STEEL = {"length": 0.5, "width": 5e-3, "thickness": 0.5e-3, "density": 8000.0, "elastic_modulus": 210e9}
 BEAM = Beam.uniform(**STEEL, elements=3)
@@ -209,6 +209,14 @@ def test_an_earlier_fit_counts_with_its_information_and_its_noise(release):
     assert errors_of_both == pytest.approx(fit.standard_errors["alpha"] / math.sqrt(2), rel=0.05)
     with pytest.raises(InputError, match="again: std: is needed"):
         plan(MODEL, {"again": again}, law)
+
+
+def test_an_earlier_fit_far_from_the_guess_keeps_its_standard_errors():
+    frequencies = natural_modes(Model(LEVEL.beam.with_(elastic_modulus=420e9)), count=3).frequencies
+    tones = FrequencyRecord(LEVEL, frequencies * [1.001, 0.999, 1.0005], std=1e-3 * frequencies)
+    fit = fit_beam(LEVEL, tones, unknowns=["elastic_modulus"])
+    errors = plan(LEVEL, {"tones": TONES}, unknowns=["elastic_modulus"], before=fit).errors_of({})
+    assert errors == pytest.approx(fit.standard_errors)
 
 
 def test_a_relative_prior_at_the_guess_is_the_absolute_one_to_first_order():

@@ -25,9 +25,11 @@ from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.inputs import check_instance, is_sequence, number, physical, shown
+from ancf_casadi.vibration.assembly import Position, Structure
 from ancf_casadi.vibration.modes import Modes
 
-FOREIGN = 0.2  # deviation of frequencies or modal masses beyond which modes are those of another beam
+FOREIGN = 0.2  # change of a frequency or damping ratio beyond which modes are those of another beam
+EPSILON = float(np.finfo(float).eps)
 
 
 @final
@@ -54,7 +56,8 @@ class ModalDamping(DampingLaw):
     Warns
     -----
     UserWarning
-        If the frequencies, or the modal masses in the beam that is damped, differ by more than a fifth from the modes.
+        If the frequencies differ by more than a fifth from those of the modes, or the damping ratios in the beam that
+        is damped from those given.
 
     Examples
     --------
@@ -136,17 +139,26 @@ class ModalDamping(DampingLaw):
         return np.asarray(rotate_pairs(B, self.modes.model.beam.axis, model.beam.axis).full())
 
     def _warn_of_another_beam(self, model: Model) -> None:
-        """Warn if the modes are not those of a beam with this mass, so that a mode has another ratio than given."""
-        if self.modes.model.beam == model.beam:
+        """Warn if the modes are not those of a beam, so that a mode has another damping ratio than given."""
+        reference = self.modes.model
+        if reference.beam == model.beam:
             return
-        shapes = rotate_pairs(cs.DM(self.modes.shapes), self.modes.model.beam.axis, model.beam.axis).full()
-        masses = np.sum(shapes * (model.mass(model.properties).sparse() @ shapes), axis=0)[: len(self.ratios)]
-        k = int(np.abs(masses - 1).argmax())
-        if abs(masses[k] - 1) > FOREIGN:
+        count, rest = len(self.ratios), self.modes.equilibrium.coordinates
+        columns = cs.DM(np.column_stack([self.modes.shapes[:, :count], rest]))
+        *shapes, position = rotate_pairs(columns, reference.beam.axis, model.beam.axis).full().T
+        mass = model.mass(model.properties).sparse()
+        stiffness = Structure.of(model).stiffness_product(Position.of(position))
+        masses = np.array([shape @ (mass @ shape) for shape in shapes])
+        free_shapes = [model.of_free(shape) for shape in shapes]
+        squares = np.square(self.modes.angular_frequencies[:count])
+        stiffnesses = np.array([shape @ stiffness(shape) for shape in free_shapes]) / squares
+        changes = np.abs(1 / np.sqrt(masses * np.maximum(stiffnesses, EPSILON)) - 1)  # of the damping ratios
+        k = int(np.argmax(changes))
+        if changes[k] > FOREIGN:
             warnings.warn(
                 f"the modes of ModalDamping are those of another beam: mode {k + 1} has {masses[k]:.3g} times its "
-                "modal mass in this one, so its damping ratio differs about as much; make the law from natural_modes "
-                "of this beam",
+                f"modal mass and {stiffnesses[k]:.3g} times its modal stiffness in this one, so its damping ratio is "
+                "not the one given; make the law from natural_modes of this beam",
                 stacklevel=3,
             )
 

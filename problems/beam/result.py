@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import math
+import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -12,7 +13,7 @@ from typing import Any
 import casadi as cs
 import numpy as np
 
-from ancf_casadi.damping import DampingLaw
+from ancf_casadi.damping import DampingLaw, ModalDamping
 from ancf_casadi.damping.law import SumOfLaws
 from ancf_casadi.dynamics.derivatives.sensitivity import flowing, held_start, start_jacobians
 from ancf_casadi.estimation.block import MESH_ORDER, Block
@@ -27,6 +28,7 @@ from ancf_casadi.mechanics.state import State
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.inputs import check_instance
 from ancf_casadi.support.tables import Table, finite_or_none
+from ancf_casadi.vibration.modes import natural_modes
 from problems.beam.curves.block import CurveBlock, curve_block
 from problems.beam.curves.record import ResponseRecord
 from problems.beam.motions.block import MotionBlock, motion_block, sensor_noise
@@ -40,7 +42,7 @@ from problems.beam.properties import (
     scaled_model,
     with_clamp_stiffness,
 )
-from problems.beam.unknowns import load_name, loads
+from problems.beam.unknowns import frequency_name, load_name, loads
 from problems.beam.values.records import PropertyRecord, ValueBlock
 
 MOST_MESH_SHIFT = 0.3  # of an estimate, in standard errors: a 95 % interval then covers the truth in 94 %
@@ -200,6 +202,28 @@ class BeamFit(BlocksResult):
             )
         return [*filter(None, notes)]
 
+    @cached_property
+    def _ratio_warnings(self) -> list[str]:
+        """Modal damping ratios that the modes of the fitted beam do not have, because their frequencies differ."""
+        notes, laws = list[str](), self.law.laws if isinstance(self.law, SumOfLaws) else (self.law,)
+        for law in laws:
+            if not isinstance(law, ModalDamping):
+                continue
+            # the beam may be unstable under gravity alone; that its modes differ from those of the law is said here
+            with contextlib.suppress(AncfError), warnings.catch_warnings():
+                warnings.simplefilter("ignore")
+                modes = natural_modes(self.model, count=len(law.ratios))
+                factors = np.array([self.estimates.get(frequency_name(k), 1.0) for k in range(modes.count)])
+                ratios = law.damping_ratios(modes, np.zeros(modes.count)) / factors
+                of_modes = zip(law.parameters, law.frequencies or (), modes.frequencies * factors, ratios, strict=True)
+                for parameter, given, frequency, ratio in of_modes:
+                    if abs(ratio - parameter.value) > self.standard_errors.get(parameter.name, math.inf):
+                        notes.append(
+                            f"{parameter.name} refers to {given:.4g} Hz, the frequency in the law; in the fitted beam "
+                            f"the mode has {frequency:.4g} Hz and the damping ratio {ratio:.4g}"
+                        )
+        return notes
+
     @property
     def scatter(self) -> float:
         """Standard deviation of the residuals: in standard deviations, or relative for values that have none."""
@@ -210,7 +234,7 @@ class BeamFit(BlocksResult):
     def warnings(self) -> tuple[str, ...]:
         """Limitations of the estimates, one sentence each."""
         fit, notes = self.fit, [self._rigid(note) for note in super().warnings]
-        notes += self._mesh_warnings
+        notes += self._mesh_warnings + self._ratio_warnings
         blocks = [block for block in self.solution.problem.blocks if isinstance(block, MotionBlock | CurveBlock)]
         notes += dict.fromkeys(note for block in blocks for _, record in block.numbered for note in record.notes)
         for optimum in self.solution.other_optima:

@@ -1,8 +1,9 @@
 """Modal damping from the modes of another beam, or with frequencies far from those of the model."""
 
+import numpy as np
 import pytest
 
-from ancf_casadi import ModalDamping, Model, natural_modes
+from ancf_casadi import Clamp, ModalDamping, Model, Pin, Spring, natural_modes
 
 
 @pytest.mark.parametrize("tip_mass", [2e-3, 5e-3, 20e-3])
@@ -13,6 +14,22 @@ def test_modes_of_a_bare_strip_are_named_where_a_mass_is_at_its_tip(paper_beam, 
     with pytest.warns(UserWarning, match=r"those of another beam: mode 1 has [1-9]"):
         ratio = law.damping_ratios(modes, [1e-3])[0]
     assert ratio < 0.8 * 0.01
+
+
+OTHER_BEAMS = {
+    "a pin": {"supports": [Clamp(), Pin(0.25)]},
+    "a spring": {"attachments": [Spring(0.5, stiffness=(20.0, 0.0))]},
+    "another modulus": {"elastic_modulus": 840e9},
+}
+
+
+@pytest.mark.parametrize("changed", OTHER_BEAMS)
+def test_modes_of_a_strip_that_is_held_otherwise_are_named(paper_beam, changed):
+    other = natural_modes(Model(paper_beam(8, **OTHER_BEAMS[changed])), count=3)
+    law = ModalDamping(natural_modes(Model(paper_beam(8)), count=3), [0.01, 0.02, 0.03])
+    with pytest.warns(UserWarning, match="those of another beam"):
+        ratios = law.damping_ratios(other, [1e-3] * 3)
+    assert np.abs(ratios / law.ratios - 1).max() > 0.2
 
 
 @pytest.mark.parametrize("factor", [0.5, 1.48, 3.0])

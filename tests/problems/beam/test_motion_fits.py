@@ -337,6 +337,17 @@ def test_modulus_base_amplitude_and_a_sum_of_laws_from_two_records_and_two_marke
     assert "elastic_modulus" in found.report() and found.to_dict()["estimates"][3]["unit"] == "m"
 
 
+def test_a_ratio_that_refers_to_another_frequency_than_that_of_the_fitted_beam_is_named(model):
+    """The true beam is three times as stiff as that of the law."""
+    stiffer = Model(model.beam.with_(elastic_modulus=3 * 264e3))
+    truth = ModalDamping(natural_modes(stiffer, count=1), (0.05,))
+    motion = record(stiffer, truth, 1, base=HarmonicBase(0.01, 2.0, stop=0.5), duration=3.0)
+    fit = fit_beam(model, motion, ModalDamping(natural_modes(model, count=1), (0.04,)), unknowns=["elastic_modulus"])
+    (note,) = (note for note in fit.warnings if note.startswith("ratio1 refers to"))
+    assert float(note.split()[-1]) == pytest.approx(0.05, abs=2 * fit.standard_errors["ratio1"])
+    assert abs(fit.estimates["ratio1"] - 0.05) > 2 * fit.standard_errors["ratio1"]
+
+
 @pytest.mark.slow
 def test_an_unknown_start_and_the_damping_are_found(model):
     """A record that begins within a swing, with a guess at rest; two equilibria give the velocity."""

@@ -68,7 +68,7 @@ class LawComparison(Reported, Generic[F]):
     def candidates(self) -> tuple[Candidate, ...]:
         """The fits as the criteria see them."""
         return tuple(
-            Candidate.of(name, fit.fit, terms)
+            Candidate.of(name, fit.fit, terms, fit.negligible)
             for name, fit, terms in zip(self.names, self.fits, self.terms, strict=True)
         )
 

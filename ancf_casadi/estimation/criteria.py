@@ -77,17 +77,21 @@ class Candidate:
     information: Array = field(default_factory=lambda: np.zeros((0, 0)))  # W J'J W/(2 pi S), per independent residual
 
     @classmethod
-    def of(cls, name: str, fit: Fit, terms: Sequence[str]) -> Candidate:
-        """Return a fit as a candidate; ``terms`` are the names of its damping terms."""
+    def of(cls, name: str, fit: Fit, terms: Sequence[str], negligible: float = 0.0) -> Candidate:
+        """Return a fit as a candidate; ``terms`` are the names of its damping terms.
+
+        ``negligible`` is the norm of residuals below which smaller ones are no evidence.
+        """
+        square = max(float(fit.residuals @ fit.residuals), negligible**2)
         m, narrow = len(fit.residuals), concentration(fit.residuals, fit.series, fit.times)
         return cls(
             name,
             m,
             min(fit.effective_samples, m / narrow if narrow > MOST_CONCENTRATION else m),
-            fit.residual_rms,
+            math.sqrt(square / m),
             fit.rank,
             fit.autocorrelation,
-            _information(fit, terms, float(fit.residuals @ fit.residuals)),
+            _information(fit, terms, square),
         )
 
     @property

@@ -79,6 +79,11 @@ class FitProblem:
         sizes = [0 if block.prior else size for block, size in zip(self.blocks, self._sizes, strict=True)]
         return math.exp(float(np.dot(sizes, np.log([block.scale for block in self.blocks]))) / sum(sizes))
 
+    @property
+    def negligible(self) -> float:
+        """Norm of a change of all residuals that the computation does not tell from none."""
+        return self.scale * math.hypot(*(block.negligible for block in self.blocks))
+
     def root_mean_square(self, sizes: Sequence[float]) -> float:
         """Return the root mean square of all residuals from that of each block."""
         return math.sqrt(float(np.dot(self._sizes, np.square(sizes))) / sum(self._sizes))
@@ -132,9 +137,8 @@ class FitProblem:
 
     def _check_determination(self) -> None:
         """Refuse unknowns of which the data determine only combinations."""
-        negligible = self.scale * math.hypot(*(block.negligible for block in self.blocks))
         try:
-            check_determination(self.residuals, self.unknowns, negligible)
+            check_determination(self.residuals, self.unknowns, self.negligible)
         except FitError:
             accurate = replace(self, blocks=tuple(block.accurate for block in self.blocks))
             if accurate.blocks == self.blocks:

@@ -172,6 +172,11 @@ class LeastSquaresResult(FitResult):
     again: Callable[[Any], Any] = field(kw_only=True)
 
     @property
+    def negligible(self) -> float:
+        """Norm of residuals below which smaller ones are no evidence, such as that of rounding errors."""
+        return 0.0
+
+    @property
     def quantities(self) -> tuple[tuple[str, ...], tuple[str, ...], Quantities]:
         """Names and units of the quantities, and the function from the unknowns to them."""
         return self.fit.names, self.fit.units, lambda *x: cs.vertcat(*x)
@@ -351,6 +356,11 @@ class BlocksResult(LeastSquaresResult):
     """The result of a fit of blocks of measurements."""
 
     solution: FitSolution  # of ``fit``
+
+    @property
+    def negligible(self) -> float:
+        """Norm of residuals below which smaller ones are no evidence, those of the computation."""
+        return self.solution.problem.negligible
 
     def log_density(self) -> LogDensity:
         """Return the logarithm of the posterior density of the unknowns of the fit, with its exact gradient."""

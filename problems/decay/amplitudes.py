@@ -10,8 +10,8 @@ With it, they are the damping ratio and coefficients of ``DecayFit``; the freque
 
 Noise.  Each amplitude has the variance s^2 + (r A)^2, with the fitted A: additive noise s, as of an instrument, and
 multiplicative noise r, as of readings on a logarithmic scale.  Both follow from the residuals
-(``ancf_casadi.estimation.noise.proportional``); one of them is taken as zero unless the criterion BIC of the
-likelihood needs both, since a few amplitudes determine two badly.  The report states which was assumed.
+(``ancf_casadi.estimation.noise.proportional``); the additive one is taken as zero unless the criterion BIC of the
+likelihood needs it, since a few amplitudes determine two badly.  The report states which was assumed.
 """
 
 from __future__ import annotations
@@ -106,7 +106,6 @@ class AmplitudeBlock(Block):
         squares, power = (residuals * self.deviations) ** 2, self.amplitudes(residuals) ** 2
         least_variance = (NEGLIGIBLE * self.record.values[0]) ** 2
         variances = {
-            "additive": np.full(len(squares), squares.mean()),
             "multiplicative": power * np.mean(squares / power),
             "of both kinds": proportional_variance(squares, power),
         }

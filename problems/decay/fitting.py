@@ -245,9 +245,13 @@ def fit_decays(
     model = DecayModel(law, rest, frequency_law, ratio_bounds)
     robust = flag(robust, "robust")
     records = [clean_record(record) for record in instances(records, "records", Measurement)]
-    sensors = {record.sensor.quantity for record in records}
-    if len(sensors) > 1:
-        raise InputError(f"must have one quantity, got {', '.join(sorted(sensors))}; fit them apart", "records")
+    sensors = {f"{record.sensor.quantity} in {record.sensor.unit}" for record in records}
+    places = {record.sensor.label for record in records}  # an amplitude means another motion elsewhere
+    if len(sensors) > 1 or (len(places) > 1 and (law, frequency_law) != ("linear", "constant")):
+        differing = ", ".join(sorted(sensors if len(sensors) > 1 else places))
+        raise InputError(
+            f"must be those of one kind of sensor at one place, got {differing}; fit them apart", "records"
+        )
     releases = [None] * len(records) if release_times is None else numbers(release_times, "release_times")
     if len(releases) != len(records):
         raise InputError(f"has {len(releases)} values for {len(records)} records", "release_times")

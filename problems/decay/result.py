@@ -115,6 +115,11 @@ class DecayFit(LeastSquaresResult):
     drift = _quantity("drift", "Its velocity at the release v, in this unit per s; 0 if it was not fitted.")
     creep = _quantity("creep", "k in the rest position d + v (1 - exp(-k t))/k, 1/s; 0 under the other ones.")
 
+    @property
+    def negligible(self) -> float:
+        """Norm of residuals below which smaller ones are no evidence, those without noise."""
+        return self.decay.least_deviation * math.sqrt(len(self.fit.residuals))
+
     @cached_property
     def values(self) -> dict[str, float]:
         """All quantities by name, estimated or not."""

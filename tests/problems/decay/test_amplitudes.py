@@ -90,12 +90,12 @@ def test_intervals_cover_under_both_kinds_of_noise(law, noise):
     assert covers(sum(hits), len(hits))
 
 
-@pytest.mark.parametrize("noise", ["multiplicative", "additive"])
-def test_the_report_states_which_noise_prevails(noise):
+@pytest.mark.parametrize(("noise", "stated"), [("multiplicative", "multiplicative"), ("additive", "of both kinds")])
+def test_the_report_states_which_noise_is_assumed(noise, stated):
     result = fit(noisy("linear", noise, 2), "linear")
-    assert f"of the last, {noise}" in result.report()
+    assert f"of the last, {stated}" in result.report()
     (record,) = result.to_dict()["records"]
-    assert record["noise"] == noise
+    assert record["noise"] == stated
 
 
 def test_weights_follow_the_noise():

@@ -128,6 +128,13 @@ def test_a_long_linear_decay_is_a_linear_one():
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("phase", [0.0, 0.75, 2.25])
+def test_rounding_errors_choose_no_law(phase):
+    time = np.linspace(0.0, 10.0, 1000)
+    fit = fit_decay(time, 0.02 * np.exp(-0.1 * time) * np.cos(12.0 * time + phase), law="auto")
+    assert (fit.law, fit.frequency_law, fit.model.rest) == ("linear", "constant", "constant")
+
+
 def test_all_laws_are_fitted_from_the_same_release():
     rest = np.arange(0.0, 5.5, 1 / 500)
     y = np.concatenate([np.full(250, record("linear")[0]), record("linear")])

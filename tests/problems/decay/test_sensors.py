@@ -1,6 +1,7 @@
 """Decays measured as velocity, acceleration or slope: the model is differentiated, never the record integrated."""
 
 import math
+import re
 
 import casadi as cs
 import numpy as np
@@ -107,8 +108,16 @@ def test_modes_are_separated_in_an_acceleration():
     assert first.amplitude == pytest.approx(AMPLITUDE, rel=0.02)
 
 
-def test_records_of_different_quantities_are_refused():
-    records = [Measurement(TIME, curve("linear", "constant", Sensor(name)), sensor=Sensor(name)) for name in
-               ("displacement", "velocity")]  # fmt: skip
-    with pytest.raises(InputError, match=r"records: .*displacement, velocity"):
-        fit_decays(records)
+OTHER_SENSORS = {
+    "velocity": (Sensor("displacement"), Sensor("velocity"), "linear"),
+    "in px": (Sensor("signal", signal_unit="mV"), Sensor("signal", signal_unit="px"), "linear"),
+    "0.1": (Sensor("displacement", point=0.1), Sensor("displacement", point=0.4), "quadratic"),
+}
+
+
+@pytest.mark.parametrize("name", OTHER_SENSORS)
+def test_records_of_different_sensors_are_refused(name):
+    first, second, law = OTHER_SENSORS[name]
+    records = [Measurement(TIME, curve("linear", "constant", sensor), sensor=sensor) for sensor in (first, second)]
+    with pytest.raises(InputError, match=f"records: .*{re.escape(name)}"):
+        fit_decays(records, law=law)

@@ -248,7 +248,7 @@ def fit_decays(
     sensors = {f"{record.sensor.quantity} in {record.sensor.unit}" for record in records}
     places = {record.sensor.label for record in records}  # an amplitude means another motion elsewhere
     if len(sensors) > 1 or (len(places) > 1 and (law, frequency_law) != ("linear", "constant")):
-        differing = ", ".join(sorted(sensors if len(sensors) > 1 else places))
+        differing = "; ".join(sorted(sensors if len(sensors) > 1 else places))
         raise InputError(
             f"must be those of one kind of sensor at one place, got {differing}; fit them apart", "records"
         )

@@ -111,7 +111,7 @@ def test_modes_are_separated_in_an_acceleration():
 OTHER_SENSORS = {
     "velocity": (Sensor("displacement"), Sensor("velocity"), "linear"),
     "in px": (Sensor("signal", signal_unit="mV"), Sensor("signal", signal_unit="px"), "linear"),
-    "0.1": (Sensor("displacement", point=0.1), Sensor("displacement", point=0.4), "quadratic"),
+    "400 mm": (Sensor("displacement", point=0.1), Sensor("displacement", point=0.4), "quadratic"),
 }
 
 

@@ -473,6 +473,20 @@ def test_two_poles_within_a_bandwidth_are_two_modes_if_their_shapes_differ(assur
     assert any(note.startswith("one mode near") for note in fit.warnings) == (modes == 1)
 
 
+@pytest.mark.parametrize(
+    ("second", "noise", "named"),
+    [(0.4, 1e-4, True), (0.4, 0.03, True), (0.0, 0.03, False), (0.03, 1e-4, False), (0.0, 4.0, False)],
+)
+def test_two_modes_of_one_frequency_are_named_by_their_shapes(second, named, noise):
+    f, rng = np.linspace(5.0, 15.0, 401), np.random.default_rng(5)
+    shapes = np.array([[1.0, 0.3], [0.5, -0.8]])
+    constants = np.outer(shapes[0], shapes[0]) + second * np.outer(shapes[1], shapes[1])
+    values = modal_sum(f, [(10.0, 0.01, constants.ravel())]).reshape(2, 2, -1)
+    values = values + noise * np.abs(values).max() * complex_noise(rng, values.shape)
+    fit = fit_frf(FrfRecord(f, values, "receptance"), frequencies=[10.0])
+    assert any("not those of one shape" in note for note in fit.warnings) == named
+
+
 def test_tones_at_multiples_of_a_mode_are_named_as_harmonics():
     f, rng = np.linspace(60.0, 340.0, 1121), np.random.default_rng(3)
     tones = [(80.4, 0.004, (1.0,)), (160.8, 0.004, (0.2,)), (200.0, 0.004, (0.6,)), (241.3, 0.004, (-0.2,))]

@@ -16,7 +16,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from itertools import product
-from typing import Any
+from typing import Any, get_args
 
 import casadi as cs
 import numpy as np
@@ -32,7 +32,7 @@ from ancf_casadi.estimation.solve import fitted_once
 from ancf_casadi.estimation.solver.unknown import with_guesses
 from ancf_casadi.exceptions import FitError, InputError
 from ancf_casadi.records.measurement import Measurement
-from ancf_casadi.support.inputs import is_sequence, shown
+from ancf_casadi.support.inputs import choices
 from ancf_casadi.support.interrupts import lasting_interrupts
 from problems.decay.block import DecayBlock
 from problems.decay.free_decay import FreeDecay, clean_record, cut_at_release
@@ -238,7 +238,9 @@ def combinations(
     ratio_bounds: tuple[float, float] = RATIO_BOUNDS,
 ) -> list[DecayModel]:
     """Return the damping laws with each frequency law and each rest position."""
-    for names, argument in ((laws, "laws"), (frequency_laws, "frequency_laws"), (rests, "rests")):
-        if not is_sequence(names) or not len(names):
-            raise InputError(f"must be a sequence of names, got {shown(names)}", argument)
-    return [DecayModel(law, rest, bent, ratio_bounds) for rest, bent, law in product(rests, frequency_laws, laws)]
+    kinds = {"rests": (rests, Rest), "frequency_laws": (frequency_laws, FrequencyLaw), "laws": (laws, Law)}
+    names: Any = [tuple(dict.fromkeys(choices(values, get_args(kind), name))) for name, (values, kind) in kinds.items()]
+    for name, chosen in zip(kinds, names, strict=True):
+        if not chosen:
+            raise InputError("is empty; name at least one", name)
+    return [DecayModel(law, rest, bent, ratio_bounds) for rest, bent, law in product(*names)]

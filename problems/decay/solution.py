@@ -154,7 +154,7 @@ def decay_problem(
         tuple(unknowns),
         robust,
         most_unexplained=1.0,
-        advice="check the time of the release, or fit a law with fewer terms",
+        advice="check the time of the release, fit a law with fewer terms, or use robust=True if there are outliers",
     )
     return problem, starts
 

@@ -161,7 +161,7 @@ def test_values_without_a_motion_give_nan_and_a_warning(model):
     [
         ({"duration": 0.0}, "duration: must be positive"),
         ({"tolerance": -1.0}, "tolerance: must be positive"),
-        ({"most_steps": 0}, "most_steps: must be positive"),
+        ({"most_steps": 0.4}, "most_steps: must be a whole number"),
         ({"largest_step": 0.0}, "largest_step: must be positive"),
         ({"lumped": True}, "lumped: the beam has no mass"),
     ],

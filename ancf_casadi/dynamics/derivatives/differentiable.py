@@ -33,7 +33,7 @@ from ancf_casadi.mechanics.model import Model
 from ancf_casadi.mechanics.state import State
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.callbacks import callback_function
-from ancf_casadi.support.inputs import flag, physical, positive, positive_or_infinite
+from ancf_casadi.support.inputs import flag, physical, positive_or_infinite, whole
 from ancf_casadi.support.interrupts import has_interrupt
 from ancf_casadi.support.progress import count_step
 from ancf_casadi.vibration.equilibrium import Equilibrium
@@ -119,7 +119,7 @@ def motion(
         tolerance=default_tolerance("radau", setup.travel) if tolerance is None else physical(tolerance, "tolerance"),
         largest_step=positive_or_infinite(largest_step, "largest_step"),
         held=start_load,
-        most_steps=round(positive(most_steps, "most_steps")),
+        most_steps=whole(most_steps, "most_steps", 1),
         lumped=flag(lumped, "lumped"),
     )
     return Runs(problem).function()

@@ -184,7 +184,7 @@ def test_the_result_reads_as_text_and_as_json():
 
 
 @pytest.mark.parametrize(
-    ("laws", "message"), [((), "laws: must be a sequence"), ("linear", "laws: "), (("cubic",), "law: .*'cubic'")]
+    ("laws", "message"), [((), "laws: is empty"), ("linear", "laws: "), (("cubic",), "laws: .*'cubic'")]
 )
 def test_unusable_laws_are_refused(laws, message):
     with pytest.raises(InputError, match=message):

@@ -39,9 +39,11 @@ QUANTITY_WORDS: Mapping[Quantity, str] = {
     "velocity": "vel velocity geschwindigkeit vitesse vibrometer ldv vx vy vz",
     "strain": "strain gauge dms dehnung eps epsilon",
     "force": "force kraft fx fy fz",
-    "slope": "angle slope winkel rotation",
+    "slope": "angle slope winkel rotation phase roll pitch yaw",
 }
 QUANTITY_OF = {word: quantity for quantity, words in QUANTITY_WORDS.items() for word in words.split()}
+DEVICES = {"accelerometer", "vibrometer", "ldv", "gauge", "dms"}  # may have converted what they measure
+WEIGHED = {"load", "last", "mass", "masse", "weight", "gewicht"}  # with these names, g may be grams
 
 
 @dataclass(frozen=True)
@@ -158,8 +160,9 @@ def assign_sensor(channel: RecordedChannel, stated_unit: Unit | None, sensor: Se
     """Return the factor of a channel to the unit of its sensor, and the sensor.
 
     Without a ``stated_unit``, the unit is that of the file.  Without a sensor, the unit determines the quantity, or
-    without a unit the name; a unit that no sensor of a beam has, such as V or px, makes a signal.  An unknown unit, or
-    one that does not fit the sensor, raises an ``InputError``.
+    without a unit the name; a unit that no sensor of a beam has, such as V or px, makes a signal.  An unknown unit, one
+    that does not fit the sensor, or one of the file that the name contradicts, as in ``Force (g)``, raises an
+    ``InputError``.
     """
     unit = stated_unit or channel.unit
     if sensor is not None and sensor.quantity == "signal":
@@ -169,11 +172,11 @@ def assign_sensor(channel: RecordedChannel, stated_unit: Unit | None, sensor: Se
             raise InputError(
                 f"the unit {shown(channel.symbol)} is not understood; give the unit with --unit, or --sensor signal"
             )
-        return 1.0, sensor or Sensor(_quantity_in_name(channel.name))
-    quantities = OTHER_NAMES.get(unit.quantity) or tuple(
-        quantity for quantity in SENSOR_UNITS if quantity == unit.quantity
-    )
+        return 1.0, sensor or Sensor(next(iter(named_quantities(channel.name)), "displacement"))
+    quantities = sensor_quantities(unit)
     if sensor is None:
+        if stated_unit is None and quantities:
+            _check_name(channel.name, unit, quantities)
         return (unit.factor, Sensor(quantity=quantities[0])) if quantities else _signal(unit)
     if sensor.quantity not in quantities:
         raise InputError(
@@ -195,7 +198,27 @@ def _signal(unit: Unit) -> tuple[float, Sensor]:
     )
 
 
-def _quantity_in_name(name: str) -> Quantity:
-    """Return the quantity in the name of a column without a unit, such as ``Acc`` or ``strain 1``."""
-    words = re.findall(r"[^\W\d_]+", name.casefold())
-    return next((QUANTITY_OF[word] for word in words if word in QUANTITY_OF), "displacement")
+def sensor_quantities(unit: Unit) -> tuple[Quantity, ...]:
+    """Return the quantities of sensors that a unit measures, the default first."""
+    return OTHER_NAMES.get(unit.quantity) or tuple(name for name in SENSOR_UNITS if name == unit.quantity)
+
+
+def named_quantities(name: str) -> list[Quantity]:
+    """Return the quantities that the words of a name denote, such as ``Acc`` or ``strain 1``."""
+    return [QUANTITY_OF[word] for word in _words(name) if word in QUANTITY_OF]
+
+
+def _check_name(name: str, unit: Unit, quantities: tuple[Quantity, ...]) -> None:
+    """Check that the name of a column does not contradict its unit."""
+    words = _words(name)
+    named = {QUANTITY_OF[word] for word in words if word in QUANTITY_OF and word not in DEVICES}
+    grams = unit.symbol.endswith("g") and not WEIGHED.isdisjoint(words)
+    if (named or grams) and named.isdisjoint(quantities):
+        raise InputError(
+            f"is in {unit.symbol}, a unit of {unit.quantity}, which its name contradicts; give the unit with --unit, "
+            "such as gf for a force in grams, or the quantity with --sensor"
+        )
+
+
+def _words(name: str) -> list[str]:
+    return re.findall(r"[^\W\d_]+", name.casefold())

@@ -7,7 +7,8 @@ In the name of a column, the unit stands in brackets (``Time (ms)``, ``x [mm]``)
 ``Weg in mm``), or among the words, usually at the end (``tip_mm``, ``Time ms``, ``acc_m_s2``, ``v_mm_per_s``,
 ``x_mm_raw``).  The first word names the quantity.  Among the other words, the longest run that denotes a unit counts.
 A run that may belong to another unit, as in ``x_mm_per_rev``, ``force_N_m`` or ``area_mm2``, is doubtful, and the user
-must state the unit.
+must state the unit.  So is one behind a number, which may be the place or the size of something, as in ``acc at 250 mm``
+or ``pos_250_mm_acc``; but a whole number of one or two digits before a line is an index, as in ``marker_12_mm``.
 """
 
 from __future__ import annotations
@@ -101,6 +102,7 @@ TOKENS = re.compile(rf"\s?/\s?|{LETTER}+(?:-\d(?!{LETTER}))?|[\s_.,·⋅*\-]+")
 POWER = re.compile(r"([^\d^+\-]+)\^?([+-]?\d)?")
 PER_SECOND = re.compile(r"(.+?)p(?:er)?(s|sec|second)", re.IGNORECASE)
 SCALED = re.compile(r"([+-]?\d+(?:\.\d*)?(?:[eE][+-]?\d+)?(?=[ *]))?[ *]*(\D.*)")
+SIZE = re.compile(r"(?:.*[\W_])?(?:\d+[ *·⋅]|(?:\d{3,}|\d+\.\d+)[_-])", re.DOTALL)  # a number with a unit behind it
 BRACKETS = re.compile(r"[(\[{<]([^()\[\]{}<>]*)[)\]}>]")
 CAPITALS = {"S", "M", "G", "MM", "CM", "KM", "UM", "IN", "FT", "MS", "US"}  # of programs that know no other letters
 AMBIGUOUS_UNITS = {"min", "h", "in", "g", "gs", "grad", "mil"}  # as the whole name of a column, these are rarely units
@@ -238,7 +240,8 @@ def unit_in_name(name: str) -> tuple[str, Unit | None]:
     tokens = TOKENS.findall(_plain_text(name))
     items = [k for k, token in enumerate(tokens) if token.strip(SEPARATING)]
     runs = _runs(tokens, items)
-    doubtful = _doubtful(tokens, items, runs)
+    sizes = [begin - 2 for begin, _ in runs if SIZE.fullmatch("".join(tokens[max(begin - 4, 0) : begin]))]
+    doubtful = [*_doubtful(tokens, items, runs), *sizes]
     if not runs and not doubtful:
         return "", None
     places = [*(place for begin, end in runs for place in (begin, end - 1)), *doubtful]

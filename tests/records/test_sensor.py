@@ -1,9 +1,12 @@
 """Sensors: units, labels, and settings that do not belong together."""
 
+import numpy as np
 import pytest
 
 from ancf_casadi import InputError
-from ancf_casadi.records.sensor import Sensor
+from ancf_casadi.records.channel import RecordedChannel
+from ancf_casadi.records.sensor import Sensor, assign_sensor
+from ancf_casadi.records.units import column_unit, known_unit
 
 
 @pytest.mark.parametrize(
@@ -38,3 +41,29 @@ def test_a_sensor_that_makes_no_sense_is_refused(settings, message):
 )
 def test_a_sensor_has_a_label_and_a_unit(sensor, label, unit):
     assert (sensor.label, sensor.unit) == (label, unit)
+
+
+def assigned(name, unit=None, sensor=None):
+    channel = RecordedChannel(1, name, np.zeros(3), *column_unit("", name))
+    return assign_sensor(channel, unit and known_unit(unit, "unit"), sensor)
+
+
+@pytest.mark.parametrize("name", ["Force (g)", "Load (g)", "Masse [g]", "Force [mg]", "acc_20_mm", "Kraft [Nm]"])
+def test_a_name_that_contradicts_its_unit_is_refused_until_the_user_decides(name):
+    with pytest.raises(InputError, match=r"--unit.*--sensor"):
+        assigned(name)
+    assert assigned(name, "gf")[1] == Sensor("force")
+    _, sensor = assigned("Load (g)", sensor=Sensor("acceleration"))
+    assert sensor.quantity == "acceleration"
+
+
+@pytest.mark.parametrize(
+    ("name", "quantity"),
+    [
+        ("acc of the tip mass (g)", "acceleration"), ("tip (g)", "acceleration"), ("dial gauge (mm)", "displacement"),
+        ("Vibrometer [mm]", "displacement"), ("load step 3 x [mm]", "displacement"), ("force at angle 2 (N)", "force"),
+        ("mass 1 [m/s^2]", "acceleration"), ("phase", "slope"), ("Force (V)", "signal"),
+    ],
+)  # fmt: skip
+def test_a_name_with_other_words_does_not_contradict_its_unit(name, quantity):
+    assert assigned(name)[1].quantity == quantity

@@ -74,6 +74,7 @@ def test_anything_else_is_not(text):
         ("v_mm_per_s", "mm_per_s", 1e-3), ("time.ms", "ms", 1e-3), ("ms", "ms", 1e-3), ("m1_x_m", "m", 1.0),
         ("acc m/s²", "m/s²", 1.0), ("acc m / s^2", "m / s^2", 1.0), ("acc m s-2", "m s-2", 1.0),
         ("Beschleunigung a / m/s²", "m/s²", 1.0), ("a in m/s^2", "m/s^2", 1.0),
+        ("acc at 250 mm [g]", "g", 9.80665), ("marker_12_mm", "mm", 1e-3), ("x1 mm", "mm", 1e-3), ("ch100_mm", "mm", 1e-3),
     ],
 )  # fmt: skip
 def test_a_name_carries_its_unit(name, symbol, factor):
@@ -91,6 +92,8 @@ def test_a_name_carries_its_unit(name, symbol, factor):
         ("counts_per_mm", "counts_per_mm"), ("F N/mm", "N/mm"), ("force_N_m", "N_m"), ("v m s", "m s"),
         ("area_mm2", "mm2"), ("curvature_m-1", "m-1"), ("eps_um_m", "um_m"), ("x_mm_min", "mm_min"),
         ("x_mm_y_mm", "mm_y_mm"), ("acc [m/s^3", "[m/s^3"), ("a m/s s", "m/s s"),
+        ("acc at 250 mm", "250 mm"), ("v laser @ 400 mm", "400 mm"), ("Force at 0.4 m", "4 m"), ("x, 20 g", "20 g"),
+        ("tip mass 5 g", "5 g"), ("pos_250_mm_acc", "250_mm"), ("x_0.4_m", "4_m"), ("x at 250 mm, mm", "250 mm, mm"),
     ],
 )  # fmt: skip
 def test_a_unit_that_is_not_certain_is_kept_as_text(name, symbol):

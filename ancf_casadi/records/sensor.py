@@ -172,11 +172,14 @@ def assign_sensor(channel: RecordedChannel, stated_unit: Unit | None, sensor: Se
             raise InputError(
                 f"the unit {shown(channel.symbol)} is not understood; give the unit with --unit, or --sensor signal"
             )
-        return 1.0, sensor or Sensor(next(iter(named_quantities(channel.name)), "displacement"))
-    quantities = sensor_quantities(unit)
+        return 1.0, sensor or Sensor(_quantity_in_name(channel.name))
+    quantities = _quantities(unit)
     if sensor is None:
-        if stated_unit is None and quantities:
-            _check_name(channel.name, unit, quantities)
+        if stated_unit is None and contradicts(channel.name, unit):
+            raise InputError(
+                f"is in {unit.symbol}, a unit of {unit.quantity}, which its name contradicts; give the unit with --unit, "
+                "such as gf for a force in grams, or the quantity with --sensor"
+            )
         return (unit.factor, Sensor(quantity=quantities[0])) if quantities else _signal(unit)
     if sensor.quantity not in quantities:
         raise InputError(
@@ -198,26 +201,22 @@ def _signal(unit: Unit) -> tuple[float, Sensor]:
     )
 
 
-def sensor_quantities(unit: Unit) -> tuple[Quantity, ...]:
+def _quantities(unit: Unit) -> tuple[Quantity, ...]:
     """Return the quantities of sensors that a unit measures, the default first."""
     return OTHER_NAMES.get(unit.quantity) or tuple(name for name in SENSOR_UNITS if name == unit.quantity)
 
 
-def named_quantities(name: str) -> list[Quantity]:
-    """Return the quantities that the words of a name denote, such as ``Acc`` or ``strain 1``."""
-    return [QUANTITY_OF[word] for word in _words(name) if word in QUANTITY_OF]
-
-
-def _check_name(name: str, unit: Unit, quantities: tuple[Quantity, ...]) -> None:
-    """Check that the name of a column does not contradict its unit."""
-    words = _words(name)
+def contradicts(name: str, unit: Unit) -> bool:
+    """Return whether the name of a column denotes another quantity of a sensor than its unit."""
+    words, quantities = _words(name), _quantities(unit)
     named = {QUANTITY_OF[word] for word in words if word in QUANTITY_OF and word not in DEVICES}
-    grams = unit.symbol.endswith("g") and not WEIGHED.isdisjoint(words)
-    if (named or grams) and named.isdisjoint(quantities):
-        raise InputError(
-            f"is in {unit.symbol}, a unit of {unit.quantity}, which its name contradicts; give the unit with --unit, "
-            "such as gf for a force in grams, or the quantity with --sensor"
-        )
+    grams = unit.quantity == "acceleration" and unit.symbol.endswith("g") and not WEIGHED.isdisjoint(words)
+    return bool(quantities) and (bool(named) or grams) and named.isdisjoint(quantities)
+
+
+def _quantity_in_name(name: str) -> Quantity:
+    """Return the quantity in the name of a column without a unit, such as ``Acc`` or ``strain 1``."""
+    return next((QUANTITY_OF[word] for word in _words(name) if word in QUANTITY_OF), "displacement")
 
 
 def _words(name: str) -> list[str]:

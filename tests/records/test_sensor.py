@@ -62,7 +62,7 @@ def test_a_name_that_contradicts_its_unit_is_refused_until_the_user_decides(name
     [
         ("acc of the tip mass (g)", "acceleration"), ("tip (g)", "acceleration"), ("dial gauge (mm)", "displacement"),
         ("Vibrometer [mm]", "displacement"), ("load step 3 x [mm]", "displacement"), ("force at angle 2 (N)", "force"),
-        ("mass 1 [m/s^2]", "acceleration"), ("phase", "slope"), ("Force (V)", "signal"),
+        ("mass 1 [m/s^2]", "acceleration"), ("phase", "slope"), ("load 1 (deg)", "slope"), ("Force (V)", "signal"),
     ],
 )  # fmt: skip
 def test_a_name_with_other_words_does_not_contradict_its_unit(name, quantity):

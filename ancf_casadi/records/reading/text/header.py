@@ -2,7 +2,8 @@
 
 Rows directly above the numbers with as many cells as the table hold the names and, if there are two or more, the units.
 A comment can be such a row, as in the files that ``numpy.savetxt`` writes.  Lines further up are metadata.  A unit
-counts only if it is certain; a doubtful one is kept as text, and the user must state it.
+counts only if it is certain; a doubtful one is kept as text, and the user must state it.  So is a unit that the
+metadata state for the whole file, at a column whose name denotes another quantity, such as ``vx`` below ``Units: mm``.
 
 Programs that track body parts or markers in videos, such as DeepLabCut and SLEAP, give the likelihood of each point.
 DeepLabCut writes the rows ``scorer``, ``individuals`` (if there are several), ``bodyparts`` and ``coords`` above the
@@ -29,6 +30,7 @@ from ancf_casadi.exceptions import InputError
 from ancf_casadi.records.channel import COUNTER_NAME, RecordedChannel, Recording
 from ancf_casadi.records.reading.text.cells import is_comment, strip_comment
 from ancf_casadi.records.reading.text.dialect import SEPARATORS, TableHead
+from ancf_casadi.records.sensor import contradicts
 from ancf_casadi.records.units import Unit, column_unit, names_time, parse_unit, unit_in_name
 from ancf_casadi.support.inputs import shown
 from ancf_casadi.support.tables import plural
@@ -93,9 +95,9 @@ def read_heading(above: Sequence[tuple[int, str]], table: TableHead, path: str, 
     heading = _with_marker_names(_heading(rows, table), metadata)
     if (completed := _with_axis_units(heading, metadata)) != heading:
         return completed
-    if stated and (completed := _with_stated_units(heading, stated)) != heading:
-        return completed
     about = next((line for line in metadata if ABOUT_UNITS.search(line)), None)
+    if about and stated and (completed := _with_stated_units(heading, stated, shown(about))) != heading:
+        return completed
     if about is None and not rows and filled and BRACKETED.search(filled[-1][1]):
         about = filled[-1][1]
     if about is None:
@@ -209,8 +211,8 @@ def _stated_value(separator: str, text: str, quantity: str, *, with_unit: bool) 
     return number * factor if with_unit else np.nan
 
 
-def _with_stated_units(heading: Sequence[Head], stated: Mapping[str, Unit]) -> list[Head]:
-    """Give columns without a unit the unit that the metadata state for their quantity."""
+def _with_stated_units(heading: Sequence[Head], stated: Mapping[str, Unit], doubtful: str) -> list[Head]:
+    """Give columns without a unit the unit that the metadata state for their quantity, or else the doubtful text."""
     values = [unit for quantity, unit in stated.items() if quantity != "time"]
     times = [unit.quantity == "time" if unit else names_time(name) for name, _, unit in heading]
     counts = [bool(COUNTER_NAME.fullmatch(name)) for name, _, _ in heading]
@@ -220,7 +222,11 @@ def _with_stated_units(heading: Sequence[Head], stated: Mapping[str, Unit]) -> l
         for is_counter, is_time in zip(counts, times, strict=True)
     ]
     return [
-        (name, stated_unit.symbol, stated_unit) if stated_unit and not symbol else (name, symbol, unit)
+        (name, symbol, unit)
+        if symbol or not stated_unit
+        else (name, doubtful, None)
+        if contradicts(name, stated_unit)
+        else (name, stated_unit.symbol, stated_unit)
         for (name, symbol, unit), stated_unit in zip(heading, units, strict=True)
     ]
 

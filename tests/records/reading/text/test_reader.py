@@ -166,3 +166,11 @@ def test_words_in_the_middle_and_below_a_single_column(tmp_path):
         read_recording(path)
     path.write_text("x_mm\n0\n1\n2\n3\nEND\n")
     assert read_recording(path, sample_rate=10.0).channel().values.tolist() == [0.0, 1.0, 2.0, 3.0]
+
+
+@pytest.mark.parametrize("name", ["vx", "angle", "acc", "phase", "Rotation X"])
+def test_a_unit_of_the_file_counts_only_for_columns_whose_names_denote_no_other_quantity(csv, name):
+    path = csv(f"Length units: mm\ntime,x,{name}\n0,1,2\n0.1,2,3\n0.2,3,4\n")
+    assert Measurement.from_file(path, "x").values.tolist() == [1e-3, 2e-3, 3e-3]
+    with pytest.raises(InputError, match=r"Length units: mm.* --unit"):
+        Measurement.from_file(path, name)

@@ -65,6 +65,8 @@ class Recording(Displayed):
         Line of each row in a text file.
     step : float, optional
         Time between samples, s, if the file states it beside the columns.
+    time_fault : str
+        Reason why the times that the file states cannot be used; empty if there is none.
 
     Examples
     --------
@@ -86,6 +88,7 @@ class Recording(Displayed):
     notes: tuple[str, ...] = ()
     lines: Index | None = None
     step: float | None = None
+    time_fault: str = ""
 
     @property
     def name(self) -> str:

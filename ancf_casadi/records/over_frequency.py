@@ -32,9 +32,9 @@ from ancf_casadi.records.channel import (
 )
 from ancf_casadi.records.layout import TableLayout
 from ancf_casadi.records.reading.formats import read_contents
-from ancf_casadi.records.units import known_unit, parse_unit
+from ancf_casadi.records.units import hertz_factor, known_unit, parse_unit
 from ancf_casadi.support.arrays import Array, ComplexArray
-from ancf_casadi.support.inputs import check_instance
+from ancf_casadi.support.inputs import check_instance, error_prefix
 
 ROLE_WORDS = {
     "phase": "phase phases phi φ ϕ arg argument angle ang ph phasenwinkel",
@@ -216,11 +216,8 @@ def _axis(contents: Recording, wanted: str | int | None) -> RecordedChannel:
 
 def _hertz(axis: RecordedChannel, path: str) -> float:
     """Return the Hz per unit of a column of frequencies."""
-    quantity = axis.unit.quantity if axis.unit else "frequency"
-    if quantity not in ("frequency", "angular velocity"):
-        raise InputError(f"is in {axis.symbol}, and holds no frequencies", f"{path}: column {axis.label}")
-    factor = axis.unit.factor if axis.unit else 1.0
-    return factor / TURN if quantity == "angular velocity" else factor
+    with error_prefix(f"{path}: column {axis.label}"):
+        return hertz_factor(axis.unit) if axis.unit else 1.0
 
 
 def _words(name: str) -> list[str]:

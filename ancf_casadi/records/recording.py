@@ -102,7 +102,10 @@ def with_times(
         unit = None if time_unit is None else known_unit(time_unit, "time_unit")
         if unit and unit.quantity != "time":
             raise InputError(f"{unit.symbol!r} is a unit of {unit.quantity}, not of time", "time_unit")
-        file_step = recording.step if time is None and not _has_time(recording) else None
+        by_file = time is None and not _has_time(recording)
+        if by_file and sample_rate is None and recording.time_fault:
+            raise InputError(f"{recording.time_fault}; give the sampling rate with --sample-rate", recording.path)
+        file_step = recording.step if by_file else None
         if sample_rate is None and file_step is None:
             recording = _from_column(recording, time, unit)
         elif sample_rate is None and file_step is not None:

@@ -177,8 +177,8 @@ def assign_sensor(channel: RecordedChannel, stated_unit: Unit | None, sensor: Se
     if sensor is None:
         if stated_unit is None and contradicts(channel.name, unit):
             raise InputError(
-                f"is in {unit.symbol}, a unit of {unit.quantity}, which its name contradicts; give the unit with --unit, "
-                "such as gf for a force in grams, or the quantity with --sensor"
+                f"is in {unit.symbol}, a unit of {unit.quantity}, which its name contradicts; give the unit with "
+                "--unit, such as gf for a force in grams, or the quantity with --sensor"
             )
         return (unit.factor, Sensor(quantity=quantities[0])) if quantities else _signal(unit)
     if sensor.quantity not in quantities:

@@ -7,8 +7,9 @@ In the name of a column, the unit stands in brackets (``Time (ms)``, ``x [mm]``)
 ``Weg in mm``), or among the words, usually at the end (``tip_mm``, ``Time ms``, ``acc_m_s2``, ``v_mm_per_s``,
 ``x_mm_raw``).  The first word names the quantity.  Among the other words, the longest run that denotes a unit counts.
 A run that may belong to another unit, as in ``x_mm_per_rev``, ``force_N_m`` or ``area_mm2``, is doubtful, and the user
-must state the unit.  So is one behind a number, which may be the place or the size of something, as in ``acc at 250 mm``
-or ``pos_250_mm_acc``; but a whole number of one or two digits before a line is an index, as in ``marker_12_mm``.
+must state the unit.  So is one behind a number, which may be the place or the size of something, as in
+``acc at 250 mm`` or ``pos_250_mm_acc``; but a whole number of one or two digits before a line is an index, as in
+``marker_12_mm``.
 """
 
 from __future__ import annotations
@@ -226,6 +227,13 @@ def mass_factor(unit: Unit) -> float:
     if unit.quantity != "mass":
         raise InputError(f"is in {unit.symbol}, a unit of {unit.quantity}, not of mass; state the unit, such as 'g'")
     return unit.factor
+
+
+def hertz_factor(unit: Unit) -> float:
+    """Return the Hz per unit of a frequency, or of an angular velocity such as rad/s or rpm."""
+    if unit.quantity not in ("frequency", "angular velocity"):
+        raise InputError(f"is in {unit.symbol}, a unit of {unit.quantity}, and holds no frequencies")
+    return unit.factor if unit.quantity == "frequency" else unit.factor / (2.0 * math.pi)
 
 
 def unit_in_name(name: str) -> tuple[str, Unit | None]:

@@ -23,7 +23,7 @@ def table(path, head, *columns):
     return path
 
 
-def universal(path, functions, *, denominator=13, label="NONE"):
+def universal(path, functions, *, denominator=13, label="NONE", axis="NONE"):
     """Write functions (output node, input node, values), displacement per force."""
     import pyuff
 
@@ -31,7 +31,7 @@ def universal(path, functions, *, denominator=13, label="NONE"):
         pyuff.prepare_58(
             binary=0, func_type=4, rsp_node=output, rsp_dir=3, ref_dir=-3, ref_node=source, ord_data_type=6,
             num_pts=F.size, abscissa_spacing=1, abscissa_min=F[0], abscissa_inc=F[1] - F[0],
-            abscissa_spec_data_type=18, ordinate_spec_data_type=8, ordinate_axis_units_lab=label,
+            abscissa_spec_data_type=18, abscissa_axis_units_lab=axis, ordinate_spec_data_type=8, ordinate_axis_units_lab=label,
             orddenom_spec_data_type=denominator, z_axis_spec_data_type=0, data=values, x=F, id1="frf",
         )
         for output, source, values in functions
@@ -56,6 +56,13 @@ class TestUniversalFiles:
         np.testing.assert_allclose(record.values, expected, rtol=1e-5)
         with pytest.raises(InputError, match="has no function of node 7 Z for the input 1 -Z; keep the functions"):
             FrfRecord.from_file(universal(tmp_path / "a.uff", functions[:3]))
+
+    @pytest.mark.parametrize(("axis", "factor"), [("Hz", 1.0), ("kHz", 1e3), ("rad/s", 0.5 / np.pi), ("rpm", 1 / 60)])
+    def test_frequencies_are_in_the_unit_of_their_label(self, tmp_path, axis, factor):
+        record = FrfRecord.from_file(universal(tmp_path / "a.uff", [(4, 1, H[0])], axis=axis))
+        np.testing.assert_allclose(record.frequencies, factor * F, rtol=1e-6)
+        with pytest.raises(InputError, match=r"a\.uff: .*'foo'"):
+            FrfRecord.from_file(universal(tmp_path / "a.uff", [(4, 1, H[0])], axis="foo"))
 
     def test_a_label_holds_and_a_record_over_time_is_none_of_them(self, tmp_path):
         path = universal(tmp_path / "a.uff", [(4, 1, 1e3 * H[0])], denominator=0, label="mm/N")

@@ -81,6 +81,16 @@ class TestUniversalFile:
         np.testing.assert_allclose(record.values, 1e-3 * MM, rtol=1e-6, atol=1e-9)
         assert record.sensor.quantity == "acceleration"
 
+    @pytest.mark.parametrize(("label", "factor"), [("s", 1.0), ("ms", 1e-3), ("foo", None), ("Hz", None)])
+    def test_times_are_in_the_unit_of_their_label(self, tmp_path, label, factor):
+        path = tmp_path / "record.uff"
+        write_uff(path, uff_function(abscissa_axis_units_lab=label))
+        if factor is None:
+            with pytest.raises(InputError, match=r"1 'tip'.*--sample-rate"):
+                Measurement.from_file(path)
+        options = {} if factor else {"sample_rate": RATE}
+        np.testing.assert_allclose(Measurement.from_file(path, **options).time, (factor or 1.0) * TIME, atol=1e-12)
+
     def test_other_functions_and_truncated_ones_are_refused(self, tmp_path):
         path = tmp_path / "record.uff"
         write_uff(path, uff_function(func_type=2))

@@ -60,7 +60,8 @@ UNITS: Mapping[str, Mapping[str, float]] = {
     },
     "angle": {
         "rad": 1.0, "rads": 1.0, "radian": 1.0, "radians": 1.0, "mrad": 1e-3, "urad": 1e-6,
-        "deg": DEGREE, "degs": DEGREE, "degree": DEGREE, "degrees": DEGREE, "°": DEGREE, "grad": 0.9 * DEGREE,
+        "deg": DEGREE, "degs": DEGREE, "degree": DEGREE, "degrees": DEGREE, "°": DEGREE, "Grad": DEGREE,
+        "gon": 0.9 * DEGREE,
     },
     "strain": {
         "strain": 1.0, "m/m": 1.0, "mm/mm": 1.0, "ε": 1.0, "mm/m": 1e-3, "um/m": 1e-6, "ustrain": 1e-6,
@@ -106,7 +107,8 @@ SCALED = re.compile(r"([+-]?\d+(?:\.\d*)?(?:[eE][+-]?\d+)?(?=[ *]))?[ *]*(\D.*)"
 SIZE = re.compile(r"(?:.*[\W_])?(?:\d+[ *·⋅]|(?:\d{3,}|\d+\.\d+)[_-])", re.DOTALL)  # a number with a unit behind it
 BRACKETS = re.compile(r"[(\[{<]([^()\[\]{}<>]*)[)\]}>]")
 CAPITALS = {"S", "M", "G", "MM", "CM", "KM", "UM", "IN", "FT", "MS", "US"}  # of programs that know no other letters
-AMBIGUOUS_UNITS = {"min", "h", "in", "g", "gs", "grad", "mil"}  # as the whole name of a column, these are rarely units
+AMBIGUOUS_UNITS = {"min", "h", "in", "g", "gs", "mil"}  # as the whole name of a column, these are rarely units
+UNCLEAR_UNITS = {"grad", "GRAD"}  # the German degree, Grad, or the gradian, gon
 SEPARATING = " _.,·⋅*-"
 TIME_NAMES = re.compile(
     r"(?:elapsed|relative|rel\.?|abs\.?|absolute|sample|test|run|local|system)?[ _]*"
@@ -303,6 +305,8 @@ def _doubtful(tokens: list[str], items: list[int], runs: list[tuple[int, int]]) 
             pairs = [(a, b) for a, b in ((previous, word), (word, following)) if a and b and a != "in"]
             if any(parse_unit(f"{a} {b}") or parse_unit(f"{a}/{b}") for a, b in pairs):
                 places.append(place)
+        elif before is not None and word in UNCLEAR_UNITS:
+            places.append(place)
         elif word == "2" and before in inside:  # acc_m_s_2
             begin, end = next(run for run in runs if run[0] <= before < run[1])
             if parse_unit("".join(tokens[begin:end]) + word):

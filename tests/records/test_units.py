@@ -18,7 +18,8 @@ from ancf_casadi.records.units import known_unit, mass_factor, names_time, parse
         ("m/s^2", "acceleration", 1.0), ("m/s²", "acceleration", 1.0), ("m·s⁻²", "acceleration", 1.0),
         ("m/s/s", "acceleration", 1.0), ("in/s^2", "acceleration", 0.0254), ("g", "acceleration", 9.80665),
         ("mg", "acceleration", 9.80665e-3), ("deg", "angle", np.pi / 180), ("°", "angle", np.pi / 180),
-        ("º", "angle", np.pi / 180), ("µϵ", "strain", 1e-6), ("N•m", "moment", 1.0),
+        ("º", "angle", np.pi / 180), ("Grad", "angle", np.pi / 180), ("gon", "angle", np.pi / 200),
+        ("µϵ", "strain", 1e-6), ("N•m", "moment", 1.0),
         ("µε", "strain", 1e-6), ("UM / M", "strain", 1e-6), ("um/m", "strain", 1e-6),
         ("mN", "force", 1e-3), ("kN", "force", 1e3),
         ("N·m", "moment", 1.0), ("N mm", "moment", 1e-3), ("mV", "voltage", 1e-3), ("mm / s", "velocity", 1e-3),
@@ -60,6 +61,8 @@ def test_a_unit_is_understood(text, quantity, factor):
         "m/s m",
         "s-99",
         "mm2",
+        "grad",
+        "GRAD",
     ],
 )
 def test_anything_else_is_not(text):
@@ -74,7 +77,8 @@ def test_anything_else_is_not(text):
         ("v_mm_per_s", "mm_per_s", 1e-3), ("time.ms", "ms", 1e-3), ("ms", "ms", 1e-3), ("m1_x_m", "m", 1.0),
         ("acc m/s²", "m/s²", 1.0), ("acc m / s^2", "m / s^2", 1.0), ("acc m s-2", "m s-2", 1.0),
         ("Beschleunigung a / m/s²", "m/s²", 1.0), ("a in m/s^2", "m/s^2", 1.0),
-        ("acc at 250 mm [g]", "g", 9.80665), ("marker_12_mm", "mm", 1e-3), ("x1 mm", "mm", 1e-3), ("ch100_mm", "mm", 1e-3),
+        ("acc at 250 mm [g]", "g", 9.80665), ("marker_12_mm", "mm", 1e-3), ("x1 mm", "mm", 1e-3),
+        ("ch100_mm", "mm", 1e-3), ("Winkel [Grad]", "Grad", np.pi / 180), ("Phase Grad", "Grad", np.pi / 180),
     ],
 )  # fmt: skip
 def test_a_name_carries_its_unit(name, symbol, factor):
@@ -92,6 +96,7 @@ def test_a_name_carries_its_unit(name, symbol, factor):
         ("counts_per_mm", "counts_per_mm"), ("F N/mm", "N/mm"), ("force_N_m", "N_m"), ("v m s", "m s"),
         ("area_mm2", "mm2"), ("curvature_m-1", "m-1"), ("eps_um_m", "um_m"), ("x_mm_min", "mm_min"),
         ("x_mm_y_mm", "mm_y_mm"), ("acc [m/s^3", "[m/s^3"), ("a m/s s", "m/s s"),
+        ("winkel_grad", "grad"), ("Winkel [grad]", "grad"),
         ("acc at 250 mm", "250 mm"), ("v laser @ 400 mm", "400 mm"), ("Force at 0.4 m", "4 m"), ("x, 20 g", "20 g"),
         ("tip mass 5 g", "5 g"), ("pos_250_mm_acc", "250_mm"), ("x_0.4_m", "4_m"), ("x at 250 mm, mm", "250 mm, mm"),
     ],

@@ -1,8 +1,8 @@
 """Universal files, data set 58 (functions of time, and of frequency), through pyuff.
 
 The units are those of the labels; without labels, data set 164 gives the factors to SI units, and without it the values
-are in SI units.  Times and frequencies are in the unit of their label, without one in s and Hz.  Frequency response functions (function type 4) and coherences (6) share one column of frequencies,
-that of the first of them.
+are in SI units.  Times and frequencies are in the unit of their label, without one in s and Hz.  Frequency response
+functions (function type 4) and coherences (6) share one column of frequencies, that of the first of them.
 """
 
 from __future__ import annotations

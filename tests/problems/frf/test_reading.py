@@ -31,8 +31,9 @@ def universal(path, functions, *, denominator=13, label="NONE", axis="NONE"):
         pyuff.prepare_58(
             binary=0, func_type=4, rsp_node=output, rsp_dir=3, ref_dir=-3, ref_node=source, ord_data_type=6,
             num_pts=F.size, abscissa_spacing=1, abscissa_min=F[0], abscissa_inc=F[1] - F[0],
-            abscissa_spec_data_type=18, abscissa_axis_units_lab=axis, ordinate_spec_data_type=8, ordinate_axis_units_lab=label,
-            orddenom_spec_data_type=denominator, z_axis_spec_data_type=0, data=values, x=F, id1="frf",
+            abscissa_spec_data_type=18, abscissa_axis_units_lab=axis, ordinate_spec_data_type=8,
+            ordinate_axis_units_lab=label, orddenom_spec_data_type=denominator,
+            z_axis_spec_data_type=0, data=values, x=F, id1="frf",
         )
         for output, source, values in functions
     ]  # fmt: skip
@@ -128,6 +129,7 @@ def test_units_tell_the_kind(text, kind, factor):
     [
         ("f_Hz,H (m/N),H2 (m/N)", {}, "column 2 'H .m/N.': has amplitudes only; a function needs its phase"),
         ("f_Hz,H real (m/N),phase (deg)", {}, "is a real part without an imaginary one"),
+        ("f_Hz,H (m/N),phase [grad]", {}, "give --phase-unit"),
         ("f_Hz,H real,H imag", {}, "the values have no unit; give the kind"),
         ("f_Hz,H real (V/N),H imag (V/N)", {}, "the unit 'V/N' is none of such a function"),
         ("f_Hz,H real (m/N),H imag (m/N)", {"kind": "mobility"}, "are in units of mobility and receptance"),

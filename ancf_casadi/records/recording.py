@@ -26,13 +26,13 @@ from ancf_casadi.records.channel import (
 )
 from ancf_casadi.records.layout import NO_LAYOUT, TableLayout
 from ancf_casadi.records.reading.formats import read_contents
-from ancf_casadi.records.units import Unit, known_unit
+from ancf_casadi.records.units import MAX_STEP, Unit, known_unit
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.inputs import check_instance, physical, shown
 
 MIN_EQUAL_SHARE = 0.9  # share of positive or of equal steps in a column of times
 FIRST_DATE, LAST_DATE = 2e4, 1e6  # days since 1900 or since the year 0, as workbooks and MATLAB count
-MIN_SAMPLES, MAX_STEP = 30, 1.0  # longer records with longer steps, s, must state the unit of their times
+MIN_SAMPLES = 30  # longer records with long steps must state the unit of their times
 SECONDS = known_unit("s", "")
 JOINED_NAME = re.compile(r"sec|time|zeit|stamp|epoch", re.IGNORECASE)  # of the column of whole seconds
 RATE_ADVICE = "or give the sampling rate with --sample-rate"

@@ -25,6 +25,7 @@ from ancf_casadi.support.inputs import shown
 
 STANDARD_GRAVITY = 9.80665  # m/s^2
 DEGREE = 0.017453292519943295  # rad
+MAX_STEP = 1.0  # s; from here on, the time between samples of a vibration counts only with its unit
 
 
 @dataclass(frozen=True)
@@ -236,6 +237,18 @@ def hertz_factor(unit: Unit) -> float:
     if unit.quantity not in ("frequency", "angular velocity"):
         raise InputError(f"is in {unit.symbol}, a unit of {unit.quantity}, and holds no frequencies")
     return unit.factor if unit.quantity == "frequency" else unit.factor / (2.0 * math.pi)
+
+
+def step_between_samples(number: float, quantity: str, unit: Unit | None = None) -> float:
+    """Return the time between samples, s, from a number that states it (``time``) or the rate (``frequency``).
+
+    A unit decides which of them it is.  The step is nan if it is in doubt.
+    """
+    quantity, value = (unit.quantity, unit.factor * number) if unit else (quantity, number)
+    if quantity not in ("time", "frequency") or not 0.0 < value < math.inf:
+        return math.nan
+    step = value if quantity == "time" else 1.0 / value
+    return step if unit or step < MAX_STEP else math.nan
 
 
 def unit_in_name(name: str) -> tuple[str, Unit | None]:

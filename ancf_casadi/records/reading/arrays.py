@@ -2,8 +2,10 @@
 
 MATLAB files of version 4 to 7 are read by SciPy, version 7.3 and other HDF5 files by h5py.  The fields of structs are
 named by their path, attributes of HDF5 give units and sampling rates, and complex arrays give columns ``real`` and
-``imag``.  Cells, objects and links to other files are left out, and pickled objects of NumPy are refused.  Each NumPy
-array is checked before it is read: its header must declare the size that the archive has for it.
+``imag``.  A single number such as ``fs`` or ``dt``, or the attribute of a rate, holds for the columns of its struct or
+group; one in a struct without columns, such as ``info``, for those of the struct around it.  Cells, objects and links
+to other files are left out, and pickled objects of NumPy are refused.  Each NumPy array is checked before it is read:
+its header must declare the size that the archive has for it.
 """
 
 from __future__ import annotations
@@ -11,7 +13,7 @@ from __future__ import annotations
 import io
 import math
 import zipfile
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from types import MappingProxyType
@@ -25,10 +27,11 @@ from ancf_casadi.exceptions import InputError
 from ancf_casadi.records.channel import RecordedChannel, Recording, is_time
 from ancf_casadi.records.reading.libraries import library_errors, read_in_process
 from ancf_casadi.records.reading.worker import check_data_size, real_parts
-from ancf_casadi.records.units import Unit, column_unit, parse_unit
+from ancf_casadi.records.units import Unit, column_unit, parse_unit, step_between_samples
 
 MAX_CHANNELS = 10_000
 STEP_NAMES = {"dt", "deltat", "ts", "tstep", "timestep", "tinc", "tinterval", "xincrement", "sampleinterval"}
+SAME_STEP = 1e-3  # relative difference of steps that agree, such as 1/60 s and 0.01667 s
 RATE_NAMES = {"fs", "fsamp", "sr", "rate", "samplerate", "samplingrate", "samplefrequency", "samplingfrequency", "fps"}
 
 
@@ -38,11 +41,16 @@ def columns_recording(
     arrays: Iterable[tuple[str, NDArray[Any]]],
     notes: Iterable[str] = (),
     units: Mapping[str, str] = MappingProxyType({}),
+    rates: Mapping[str, float] = MappingProxyType({}),
 ) -> Recording:
-    """Return named arrays as columns: vectors, and matrices along their longer side; notes name arrays left out."""
+    """Return named arrays as columns: vectors, and matrices along their longer side; notes name arrays left out.
+
+    ``rates`` are sampling rates, 1/s, by the path of their array or group.
+    """
     channels: list[RecordedChannel] = []
+    arrays_of_channels: list[str] = []
     remarks = list(notes)
-    step: float | None = None
+    steps = [(place, f"{rate:g} 1/s", 1.0 / rate) for place, rate in rates.items()]
     for name, array in real_parts(arrays):
         values = np.squeeze(array)
         stamps = values.dtype.kind == "M"
@@ -57,9 +65,9 @@ def columns_recording(
             remarks.append(f"{name!r} is not a real vector or matrix, and is left out")
             continue
         if values.ndim == 0:
-            number_step = stated_step(name, float(values))
-            step = step or number_step
-            if not number_step:
+            if stated := _stated_step(name, float(values), units.get(name, "")):
+                steps.append(stated)
+            else:
                 remarks.append(f"{name!r} is a single number, {float(values):g}, and is left out")
             continue
         columns = values[:, None] if values.ndim == 1 else values if values.shape[0] >= values.shape[1] else values.T
@@ -70,7 +78,8 @@ def columns_recording(
         for k, column in enumerate(columns.T, 1):
             label = name if columns.shape[1] == 1 else f"{name}[{k}]"
             channels.append(RecordedChannel(len(channels) + 1, label, np.array(column, dtype=float), symbol, unit))
-    return Recording(str(path), tuple(channels), tuple(remarks), step=step)
+            arrays_of_channels.append(name)
+    return _with_steps(Recording(str(path), tuple(channels), tuple(remarks)), arrays_of_channels, steps)
 
 
 def seconds_from_first(dates: NDArray[Any]) -> NDArray[Any]:
@@ -78,12 +87,52 @@ def seconds_from_first(dates: NDArray[Any]) -> NDArray[Any]:
     return (dates - dates.ravel()[0]) / np.timedelta64(1, "s") if dates.size else dates.astype(float)
 
 
-def stated_step(name: str, value: float) -> float | None:
-    """Return the time between samples, s, from a number such as ``dt`` or ``run.Fs``; None for other names."""
-    field = name.rpartition(".")[2].casefold().replace("_", "")
-    if not 0.0 < value < np.inf:
+def _stated_step(name: str, value: float, symbol: str) -> tuple[str, str, float] | None:
+    """Return place, text and s, nan if in doubt, of a step such as ``dt`` or ``run.Fs``; None for other numbers."""
+    place, _, field = name.rpartition(".")
+    word, unit = field.casefold().replace("_", ""), parse_unit(symbol)
+    quantity = "time" if word in STEP_NAMES else "frequency" if word in RATE_NAMES else ""
+    if not quantity or not 0.0 < value < np.inf:
         return None
-    return value if field in STEP_NAMES else 1.0 / value if field in RATE_NAMES else None
+    step = np.nan if symbol and not unit else step_between_samples(value, quantity, unit)
+    return place, f"{name} = {value:g} {symbol}".rstrip(), step
+
+
+def _with_steps(
+    recording: Recording, arrays_of_channels: Sequence[str], steps: Sequence[tuple[str, str, float]]
+) -> Recording:
+    """Give each channel, a part of an array, the step that is stated at its place or at the nearest one around it."""
+    steps_at: dict[str, dict[str, float]] = {}
+    for place, text, step in steps:
+        while place and not any(f"{name}.".startswith(f"{place}.") for name in arrays_of_channels):
+            place = place.rpartition(".")[0]
+        steps_at.setdefault(place, {})[text] = step
+    agreed = [_agreed(_nearest(steps_at, name)) for name in arrays_of_channels]
+    if len(set(agreed)) < 2:
+        texts = ", ".join(text for stated in steps_at.values() for text in stated)
+        fault = f"the time between samples is in doubt ({texts})" if texts and not any(agreed) else ""
+        return replace(recording, step=next(iter(agreed), 0.0) or None, time_fault=fault)
+    if any(map(is_time, recording.channels)):
+        return recording
+    channels = tuple(
+        replace(channel, time=step * np.arange(len(channel.values))) if step else channel
+        for channel, step in zip(recording.channels, agreed, strict=True)
+    )
+    rates = ", ".join(f"{1.0 / step:g}" for step in dict.fromkeys(agreed) if step)
+    return replace(
+        recording, channels=channels, notes=(*recording.notes, f"times from the sampling rates, {rates} 1/s")
+    )
+
+
+def _nearest(steps_at: Mapping[str, dict[str, float]], place: str) -> dict[str, float]:
+    """Return the steps at a place, or else at the nearest one around it."""
+    return steps_at.get(place) or (_nearest(steps_at, place.rpartition(".")[0]) if place else {})
+
+
+def _agreed(stated: Mapping[str, float]) -> float:
+    """Return the step in all statements, s; 0 if there is none, or it is in doubt."""
+    steps = list(stated.values())
+    return steps[0] if steps and np.ptp(steps) <= SAME_STEP * steps[0] else 0.0
 
 
 def read_matlab(path: Path) -> Recording:
@@ -97,19 +146,7 @@ def read_hdf5(path: Path) -> Recording:
     arrays, properties = read_in_process("hdf5", "h5py", path, "HDF5")
     if not arrays:
         raise InputError("has no data sets of numbers", str(path))
-    recording = columns_recording(path, arrays.items(), properties["notes"], properties["units"])
-    rates_by_array = properties["rates"]  # a channel may be one column of an array
-    names = [channel.name for channel in recording.channels]
-    rates = {name: rates_by_array.get(name) or rates_by_array.get(name.rpartition("[")[0]) for name in names}
-    if not any(rates.values()) or any(map(is_time, recording.channels)):
-        return recording
-    timed = [
-        replace(channel, time=np.arange(len(channel.values)) / rate) if (rate := rates[channel.name]) else channel
-        for channel in recording.channels
-    ]
-    rates_text = ", ".join(f"{rate:g}" for rate in dict.fromkeys(rates.values()) if rate)
-    notes = (*recording.notes, f"times from the sampling rate in an attribute, {rates_text} 1/s")
-    return Recording(str(path), tuple(timed), notes)
+    return columns_recording(path, arrays.items(), properties["notes"], properties["units"], properties["rates"])
 
 
 def read_npz(file: BinaryIO, path: Path) -> Recording:

@@ -25,6 +25,7 @@ MAX_ITEMS = 10_000
 NUMERIC = {"double", "single", *(f"{sign}int{bits}" for sign in ("", "u") for bits in (8, 16, 32, 64))}
 UNIT_ATTRIBUTE = re.compile(r"units?|unit_string|y[ _]?units?", re.IGNORECASE)
 RATE_ATTRIBUTE = re.compile(r"(?:sampl(?:e|ing)[ _]?)(?:rate|freq|frequency)(?:[ _]?\(?hz\)?)?|fs", re.IGNORECASE)
+GAP_ATTRIBUTES, SCALES = ("_FillValue", "missing_value"), ("scale_factor", "add_offset")  # of NetCDF
 FileContents = tuple[list[tuple[str, NDArray[Any]]], dict[str, Any]]  # named arrays, and properties
 
 
@@ -118,13 +119,27 @@ def hdf5(path: str) -> FileContents:
                 continue
             total += item.size * item.dtype.itemsize
             check_data_size(total, os.path.getsize(path))
-            arrays.append((name, item[()]))
-            if unit := _attribute(item, UNIT_ATTRIBUTE, str):
-                units[name] = unit
-            for owner in (item, item.parent, file):
+            parts = list(real_parts([(name, _unpacked(item))]))
+            arrays += parts
+            unit = _attribute(item, UNIT_ATTRIBUTE, str)
+            units |= {part: unit for part, _ in parts if unit}
+            places = [(part, item) for part, _ in parts]
+            for place, owner in (*places, (name.rpartition(".")[0], item.parent), ("", file)):
                 if rate := _attribute(owner, RATE_ATTRIBUTE, float):
-                    rates.setdefault(name, rate)
+                    rates[place] = rate
     return arrays, {"notes": notes, "units": units, "rates": rates}
+
+
+def _unpacked(item: Any) -> NDArray[Any]:
+    """Return the numbers of a data set as its attributes explain them: gaps, and a scale of packed numbers."""
+    values: NDArray[Any] = item[()]
+    packing = {
+        name: float(np.asarray(item.attrs[name]).item()) for name in (*GAP_ATTRIBUTES, *SCALES) if name in item.attrs
+    }
+    if not packing or values.dtype.kind not in "fiu":
+        return values
+    numbers = np.where(np.isin(values, [packing[name] for name in GAP_ATTRIBUTES if name in packing]), np.nan, values)
+    return np.asarray(numbers * packing.get("scale_factor", 1.0) + packing.get("add_offset", 0.0))
 
 
 def _elements(file: Any, item: Any, h5py: Any) -> list[tuple[str, Any]]:
@@ -135,10 +150,8 @@ def _elements(file: Any, item: Any, h5py: Any) -> list[tuple[str, Any]]:
         return [(name, item)]
     if item.size > MAX_ITEMS or item.external or item.is_virtual:
         return [(name, item)]
-    targets = [file[reference] for reference in np.ravel(item[()]) if reference]
-    return [
-        (f"{inside}[{k}].{field}", target) for k, target in enumerate(targets, 1) if isinstance(target, h5py.Dataset)
-    ]
+    targets = [(k, file[reference]) for k, reference in enumerate(np.ravel(item[()]), start=1) if reference]
+    return [(f"{inside}[{k}].{field}", target) for k, target in targets if isinstance(target, h5py.Dataset)]
 
 
 def _attribute(item: Any, names: re.Pattern[str], kind: type[Any]) -> Any:

@@ -151,9 +151,9 @@ class TestMatlab:
             group.attrs["MATLAB_class"] = np.bytes_("struct")
             for name, values in (("t", [TIME, TIME]), ("tip_mm", [MM, 2 * MM])):
                 fields = [file.create_dataset(f"#refs#/{name}{k}", data=row[None]) for k, row in enumerate(values)]
-                references = group.create_dataset(name, (2, 1), dtype=h5py.ref_dtype)
-                references[:, 0] = [field.ref for field in fields]
-        record = Measurement.from_file(path, "runs[2].tip_mm", time="runs[2].t")
+                references = group.create_dataset(name, (3, 1), dtype=h5py.ref_dtype)
+                references[::2, 0] = [field.ref for field in fields]  # the second element is empty
+        record = Measurement.from_file(path, "runs[3].tip_mm", time="runs[3].t")
         np.testing.assert_allclose(record.values, 2e-3 * MM)
 
     @pytest.mark.slow
@@ -167,7 +167,7 @@ class TestMatlab:
         record = Measurement.from_file(path)
         np.testing.assert_allclose(record.time, TIME)
         np.testing.assert_allclose(record.values, 1e-3 * MM)
-        assert record.notes == ("record.h5: times from the sampling rate in an attribute, 100 1/s",)
+        assert record.notes == ("record.h5: times from the sampling rate, 100 1/s",)
         with h5py.File(path, "a") as file:  # a column of times holds
             file["run/time"] = 2 * TIME
         np.testing.assert_allclose(Measurement.from_file(path).time, 2 * TIME)
@@ -179,6 +179,25 @@ class TestMatlab:
             file.create_dataset("tip_mm", data=MM).attrs["fs"] = value
         with pytest.raises(InputError, match="give the sampling rate with --sample-rate"):
             Measurement.from_file(path)
+
+    def test_attributes_of_netcdf_mark_gaps_and_scale_packed_numbers(self, tmp_path):
+        path = tmp_path / "record.nc"
+        counts = np.round(1000 * MM).astype("i2")
+        counts[5] = -32768
+        with h5py.File(path, "w") as file:
+            packed = file.create_dataset("tip_mm", data=counts)
+            packed.attrs.update({"_FillValue": np.int16(-32768), "scale_factor": -1e-3, "add_offset": 2.0, "fs": RATE})
+        record = Measurement.from_file(path)
+        np.testing.assert_allclose(record.values, 1e-3 * np.delete(2.0 - np.round(MM, 3), 5))
+        np.testing.assert_allclose(record.time, np.delete(TIME, 5))
+
+    def test_an_attribute_of_a_rate_holds_for_both_parts_of_complex_numbers(self, tmp_path):
+        with h5py.File(tmp_path / "record.h5", "w") as file:
+            file.create_dataset("x", data=MM + 2j * MM).attrs.update({"fs": RATE, "units": "mm"})
+            file.create_dataset("y", data=MM).attrs["fs"] = 10.0
+        record = Measurement.from_file(tmp_path / "record.h5", "x imag")
+        np.testing.assert_allclose(record.time, TIME)
+        np.testing.assert_allclose(record.values, 2e-3 * MM)
 
     def test_version_7_3(self, tmp_path):
         path = tmp_path / "record.mat"
@@ -444,6 +463,52 @@ class TestStatedRates:
         path = tmp_path / "record.npz"
         np.savez(path, **{"tip_mm": MM, name: value})
         np.testing.assert_allclose(Measurement.from_file(path).time, TIME, atol=1e-12)
+
+    @pytest.mark.parametrize(
+        ("numbers", "text"),
+        [({"fs": 1000.0, "dt": 0.5}, "fs = 1000, dt = 0.5"), ({"dt": 1.0}, "dt = 1"), ({"rate": 0.3}, "rate = 0.3")],
+    )
+    def test_steps_that_contradict_each_other_or_are_long_without_a_unit_are_asked_for(self, tmp_path, numbers, text):
+        path = tmp_path / "record.npz"
+        np.savez(path, tip_mm=MM, **numbers)
+        with pytest.raises(InputError, match=rf"\({text}\).*--sample-rate"):
+            Measurement.from_file(path)
+        np.testing.assert_allclose(Measurement.from_file(path, sample_rate=RATE).time, TIME)
+
+    def test_statements_that_agree_but_for_rounding_hold(self, tmp_path):
+        np.savez(tmp_path / "record.npz", tip_mm=MM, fs=60.0, dt=0.01667)
+        np.testing.assert_allclose(Measurement.from_file(tmp_path / "record.npz").time, np.arange(TIME.size) / 60.0)
+
+    @pytest.mark.parametrize(
+        ("name", "value", "unit", "step"),
+        [("fs", 1.0, "kHz", 1e-3), ("dt", 1.0, "ms", 1e-3), ("rate", 5.0, "ms", 5e-3), ("dt", 2.0, "s", 2.0),
+         ("fs", 1.0, "foo", None), ("fs", 1.0, "mm", None)],
+    )  # fmt: skip
+    def test_the_unit_of_a_step_is_its_attribute(self, tmp_path, name, value, unit, step):
+        path = tmp_path / "record.h5"
+        with h5py.File(path, "w") as file:
+            file["tip_mm"] = MM
+            file[name] = value
+            file[name].attrs["units"] = unit
+        if step is None:
+            with pytest.raises(InputError, match="--sample-rate"):
+                Measurement.from_file(path)
+        else:
+            np.testing.assert_allclose(Measurement.from_file(path).time, step * np.arange(TIME.size))
+
+    @pytest.mark.parametrize("suffix", ["mat", "h5"])
+    def test_each_struct_or_group_has_its_own_step(self, tmp_path, suffix):
+        path = tmp_path / f"record.{suffix}"
+        structs = {"a": {"x": MM, "dt": 0.01}, "b": {"x": MM, "info": {"fs": 50.0}}, "c": {"x": MM}}
+        if suffix == "mat":
+            savemat(path, structs)
+        else:
+            with h5py.File(path, "w") as file:
+                file["a/x"], file["a/dt"], file["b/x"], file["b/info/fs"], file["c/x"] = MM, 0.01, MM, 50.0, MM
+        np.testing.assert_allclose(Measurement.from_file(path, "a.x").time, TIME)
+        np.testing.assert_allclose(Measurement.from_file(path, "b.x").time, 2 * TIME)
+        with pytest.raises(InputError, match="--sample-rate"):
+            Measurement.from_file(path, "c.x")
 
     @pytest.mark.parametrize("suffix", ["mat", "npz"])
     def test_f_with_negative_values_is_a_force(self, tmp_path, suffix):

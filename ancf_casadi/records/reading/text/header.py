@@ -31,7 +31,7 @@ from ancf_casadi.records.channel import COUNTER_NAME, RecordedChannel, Recording
 from ancf_casadi.records.reading.text.cells import is_comment, strip_comment
 from ancf_casadi.records.reading.text.dialect import SEPARATORS, TableHead
 from ancf_casadi.records.sensor import contradicts
-from ancf_casadi.records.units import Unit, column_unit, names_time, parse_unit, unit_in_name
+from ancf_casadi.records.units import Unit, column_unit, names_time, parse_unit, step_between_samples, unit_in_name
 from ancf_casadi.support.inputs import shown
 from ancf_casadi.support.tables import plural
 
@@ -171,44 +171,38 @@ def _statements(lines: Sequence[str]) -> list[str]:
 def sampling_step(lines: Sequence[str]) -> float | None:
     """Return the time between samples, s, from a rate, step or increment in the lines above a table.
 
-    The first statement counts, those of a rate first; one whose number or unit is in doubt counts for nothing.
+    The first statement counts, those of a rate first; a number with a unit of time is a step, whatever it is called.
+    One whose number or unit is in doubt counts for nothing.
     """
     statements = [statement.strip() for statement in _statements(lines)]
     for pattern, quantity in ((RATE, "frequency"), (STEP, "time"), (FREQUENCY, "frequency")):
         if match := next(filter(None, map(pattern.match, statements)), None):
-            value = _stated_value(match[1], match[2], quantity, with_unit=pattern is not FREQUENCY)
-            if 0.0 < value < np.inf:
-                return 1.0 / value if quantity == "frequency" else value
+            step = _stated_step(match[1], match[2], quantity, with_unit=pattern is not FREQUENCY)
+            if not np.isnan(step):
+                return step
     return None
 
 
-def _stated_value(separator: str, text: str, quantity: str, *, with_unit: bool) -> float:
-    """Return a number at the beginning of a text in SI units; nan if it or its unit is in doubt.
+def _stated_step(separator: str, text: str, quantity: str, *, with_unit: bool) -> float:
+    """Return the time between samples, s, from a number at the beginning of a text; nan if it or its unit is in doubt.
 
     A comma is a decimal one unless commas separate the pieces of the line.
     """
-    match = VALUE.match(text)
+    match = VALUE.match(text.replace(",", ";") if separator == "," else text)
     if not match:
         return np.nan
     digits, exponent, gap, symbol, remainder = match.groups(default="")
-    whole, _, decimals = digits.partition(",")
-    if separator == "," and decimals:
-        whole, gap, symbol, remainder = whole, ",", "", ""
-    elif len(decimals) == 3:
+    if re.fullmatch(r"\d+,\d{3}", digits):
         return np.nan  # a comma may separate thousands or decimals
-    number = float((whole if separator == "," else digits.replace(",", ".")) + exponent)
-    unit, per_second = parse_unit(symbol), PER_SECOND.fullmatch(symbol)
-    if not symbol:
-        return number
-    if quantity == "frequency" and per_second:
-        factor = {"": 1.0, "k": 1e3, "K": 1e3, "M": 1e6, "m": 1e-3}[per_second[1]]
-    elif unit and unit.quantity == quantity:
-        factor = unit.factor
-    elif set(gap) & set(",;\t") or (quantity == "frequency" and IN_WORDS.fullmatch((symbol + remainder).strip())):
-        return number  # the next piece of the line says something else
-    else:
-        return np.nan
-    return number * factor if with_unit else np.nan
+    number, unit = float(digits.replace(",", ".") + exponent), parse_unit(symbol)
+    if per_second := PER_SECOND.fullmatch(symbol):
+        unit = Unit(symbol, "frequency", {"": 1.0, "k": 1e3, "K": 1e3, "M": 1e6, "m": 1e-3}[per_second[1]])
+    if unit:
+        return step_between_samples(number, quantity, unit) if with_unit else np.nan
+    # the next piece of the line says something else
+    apart = not symbol or set(gap) & set(",;\t")
+    words = quantity == "frequency" and IN_WORDS.fullmatch((symbol + remainder).strip())
+    return step_between_samples(number, quantity) if apart or words else np.nan
 
 
 def _with_stated_units(heading: Sequence[Head], stated: Mapping[str, Unit], doubtful: str) -> list[Head]:

@@ -232,7 +232,10 @@ def test_frame_numbers_count_from_the_first_that_is_there(tmp_path):
         ("Sampling rate: 10 (kHz)", 1e-4), ("Sampling period: 10 [ms]", 0.01), ("Sampling rate,500,Channels,2", 2e-3),
         ("Sample rate: 100 samples per second", 0.01), ("Frequency\t100", 0.01), ("Abtastrate: 2,5 kHz", 4e-4),
         ("fs: 48k", None), ("Abtastrate: 25 600 Hz", None), ("Abtastrate: 25'600 Hz", None), ("dt: 1/1000 s", None),
-        ("Sample rate: 600 samples/min", None), ("Sample rate: 0.1 s", None), ("X increment: 0.1 mm", None),
+        ("Sample rate: 600 samples/min", None), ("Sample rate: 0.1 s", 0.1), ("Sample Rate,10,ms", 0.01),
+        ("Scan Rate\t100\tms", 0.1), ("Sampling rate;0,01;s", 0.01), ("Sample Interval,10,kHz", 1e-4),
+        ("Sample Rate,60,rpm", None), ("Sample Rate,60,1/min", 1.0), ("Sample Rate,60,mm", None),
+        ("Sample Interval,1", None), ("Sample Interval,2 s", 2.0), ("X increment: 0.1 mm", None),
         ("Data rate: 9600 baud", None), ("Frequency: 10 Hz", None), ("Sampling rate: 1,000 Hz", None),
     ],
 )  # fmt: skip

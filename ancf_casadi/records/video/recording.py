@@ -39,7 +39,8 @@ SMOOTHING = 1.0  # px; edges that are sharper than a pixel are interpolated with
 MIN_PICTURES = 10
 LOST_SHARE = 0.1  # of the frames; with so many at the end without any marker, the tracks are refused
 STILL = 10.0  # range of a track, relative to its std, below which it is still
-EVEN = 6e-4  # rounding of the times in a file, s
+EVEN = 6e-4  # rounding of the times in a file, s; at most half a frame
+SLACK = 1e-3  # of a frame, by which times are rounded
 
 
 def track_video(
@@ -228,8 +229,11 @@ def _pictures(
 def _frames(video: Video, rate: float | None, interval: tuple[float, float], times: list[float]) -> Iterator[Picture]:
     """Yield the pictures of an interval of a video, at least one, and append their times to ``times``."""
     begin, end = interval
+    if begin >= end:
+        raise InputError(f"must be after begin, {begin:g} s, got {end:g} s", "end")
     if not rate and not video.frame_rate > 0.0:
         raise InputError("states no frame rate; give --sample-rate")
+    slack = SLACK / (rate or video.frame_rate)
     slower = video.frame_rate / rate if rate and video.frame_rate > 0.0 else 1.0
     count, start = 0, 0.0
     for count, (stamp, picture) in enumerate(video.frames, start=1):
@@ -237,9 +241,9 @@ def _frames(video: Video, rate: float | None, interval: tuple[float, float], tim
         time = slower * (stamp - start)
         if count > 1 and times and time <= times[-1]:
             time = times[-1] + 1 / (rate or video.frame_rate)
-        if time > end:
+        if time > end + slack:
             break
-        if time >= begin:
+        if time >= begin - slack:
             times.append(time)
             yield picture
     else:
@@ -254,7 +258,7 @@ def _frames(video: Video, rate: float | None, interval: tuple[float, float], tim
 def _time(stamps: Array, rate: float) -> tuple[Array, str]:
     """Return the times of the frames, evenly spaced if those of the file are, and a note."""
     even = stamps[0] + np.arange(len(stamps)) / rate
-    if np.abs(stamps - even).max() < max(EVEN, 0.02 / rate):
+    if np.abs(stamps - even).max() < min(max(EVEN, 0.02 / rate), 0.5 / rate):
         return even, f"times from the frame rate of the file, {rate:g} 1/s"
     return stamps, "times of the frames from the file, which are not even"
 

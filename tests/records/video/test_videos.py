@@ -48,6 +48,12 @@ def test_footage_shows_the_tracks_where_they_were_seen(strip):
     positions = np.stack([[recording.channel(f"{axis}{k}_m").values for axis in "xy"] for k in (1, 2, 3, 4)])
     seen = footage.pixels(np.moveaxis(positions, 2, 0)[2::3])
     assert np.abs(seen - true[2::3]).max() < 0.2  # px
+    for rate in (1000.0, 3000.0):  # the time of a frame is rounded
+        for k in (3, 7, 11):
+            assert Footage.from_video(path, sample_rate=rate, begin=k / rate, end=12 / rate).time[0] == pytest.approx(
+                k / rate
+            )
+            assert Footage.from_video(path, sample_rate=rate, end=k / rate).time[-1] == pytest.approx(k / rate)
     with pytest.raises(InputError, match="ends before 1 s"):
         Footage.from_video(path, begin=1.0)
 
@@ -72,6 +78,12 @@ def test_times_of_the_file_are_taken_where_frames_are_missing_but_not_where_they
     times, note = _time(missing, 240.0)
     np.testing.assert_array_equal(times, missing)
     assert "not even" in note
+
+
+@pytest.mark.parametrize("rate", [240.0, 2000.0, 10_000.0])
+def test_one_missing_frame_makes_the_times_uneven_at_any_rate(rate):
+    stamps = np.delete(np.arange(100) / rate, 50)
+    np.testing.assert_array_equal(_time(stamps, rate)[0], stamps)
 
 
 @pytest.mark.slow
@@ -173,6 +185,7 @@ def test_damaged_bytes_anywhere_end_in_a_track_or_in_one_line(strip):
         ({"ruler": (0, 0, 1, 1)}, "^ruler: must be 5 numbers, got 4"),
         ({"vertical": (3, 3, 3, 3)}, "^vertical: its two points must differ"),
         ({"begin": 9.0}, "ends before 9 s"),
+        ({"begin": 0.2, "end": 0.1}, "end: must be after begin"),
     ],
 )
 def test_a_wrong_argument_is_named(strip, arguments, message):

@@ -2,8 +2,9 @@
 
 One column holds the frequencies.  Each function has one column with its amplitude, two with amplitude and phase, or two
 with real and imaginary part.  A word in the name of a column states its role; columns with the same remaining words
-belong together, as in ``x_mm, x_phase_deg, y_mm, y_phase_deg`` or ``H1 real, H1 imag``.  A single amplitude and a
-single phase always belong together.
+belong together, as in ``x_mm, x_phase_deg, y_mm, y_phase_deg`` or ``H1 real, H1 imag``; letters and digits are words of
+their own, as in ``Mag1``.  A single amplitude and a single phase always belong together, and so do columns in the same
+order, unless all of them have different words.
 
 The unit of a phase must be known, because a wrong unit changes the damping unnoticed: phases without a unit count as
 radians, and are refused if they exceed 2 pi.  Amplitudes in dB are 20 lg of the SI value.  The words ``rms`` and ``pp``
@@ -34,7 +35,7 @@ from ancf_casadi.records.layout import TableLayout
 from ancf_casadi.records.reading.formats import read_contents
 from ancf_casadi.records.units import hertz_factor, known_unit, parse_unit
 from ancf_casadi.support.arrays import Array, ComplexArray
-from ancf_casadi.support.inputs import check_instance, error_prefix
+from ancf_casadi.support.inputs import check_instance, error_prefix, shown
 
 ROLE_WORDS = {
     "phase": "phase phases phi φ ϕ arg argument angle ang ph phasenwinkel",
@@ -52,7 +53,8 @@ SIZES = {
     "pkpk": 0.5,
     "p2p": 0.5,
 }  # word -> amplitude of a sine with such a value of 1
-WORDS = re.compile(r"[^\W_]+")
+WHOLE_WORDS = {word for word in (*ROLES, *SIZES) if not word.isalpha()}  # such as gamma2
+WORDS = re.compile(rf"(?<![^\W_])(?:{'|'.join(WHOLE_WORDS)})(?![^\W_])|[^\W\d_]+|\d+")
 TURN = 2 * math.pi
 
 
@@ -156,6 +158,13 @@ def extract_functions(contents: SpectralContents, phase_unit: str | None) -> lis
                 f"{list_labels(unpaired)}; choose with --column and --phase",
                 contents.path,
             )
+        words = [[_stem(c) for c in side] for side in (unpaired, [next(iter(c.values())) for c in incomplete])]
+        if all(len(stems) > 1 and len(set(stems)) == len(stems) for stems in words):
+            raise InputError(
+                f"the names do not say to which functions the columns of {role}, {list_labels(unpaired)}, belong; "
+                "choose with --column and --phase, or --leave-out",
+                contents.path,
+            )
         for columns, channel in zip(incomplete, unpaired, strict=False):
             columns[role] = channel
     return [_function(columns, phase_unit, contents.path) for columns in functions]
@@ -171,7 +180,13 @@ def _function(columns: Mapping[str, RecordedChannel], phase_unit: str | None, pa
     if "real" in columns:
         if "imag" not in columns:
             raise InputError("is a real part without an imaginary one", f"{path}: column {columns['real'].label}")
-        return SpectralFunction(columns["real"], columns["real"].values + 1j * columns["imag"].values, coherence)
+        real, imag = columns["real"], columns["imag"]
+        if imag.symbol not in ("", real.symbol):
+            raise InputError(
+                f"is in {shown(imag.symbol)}, but the real part in {shown(real.symbol)}; write both in one unit",
+                f"{path}: column {imag.label}",
+            )
+        return SpectralFunction(real, real.values + 1j * imag.values, coherence)
     channel, amplitudes = columns["amplitude"], sine_amplitudes(columns["amplitude"])
     if channel.symbol.casefold().startswith("db") or "db" in _words(channel.name):
         amplitudes = 10.0 ** (amplitudes / 20.0)

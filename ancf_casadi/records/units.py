@@ -235,7 +235,7 @@ def mass_factor(unit: Unit) -> float:
 def hertz_factor(unit: Unit) -> float:
     """Return the Hz per unit of a frequency, or of an angular velocity such as rad/s or rpm."""
     if unit.quantity not in ("frequency", "angular velocity"):
-        raise InputError(f"is in {unit.symbol}, a unit of {unit.quantity}, and holds no frequencies")
+        raise InputError(f"is in {unit.symbol}, and holds no frequencies")
     return unit.factor if unit.quantity == "frequency" else unit.factor / (2.0 * math.pi)
 
 

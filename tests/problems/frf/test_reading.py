@@ -105,6 +105,21 @@ def test_columns_without_a_phase_beside_functions_are_left_out_and_said(tmp_path
     assert record.notes == ("a.csv: column 4 'spectrum (N)' has no phase, and is left out",)
 
 
+@pytest.mark.parametrize("names", ["Phase1 Phase2 Mag2 Mag1", "phase_1 Phase2 2mag mag1", "ph_a ph_b mag_b mag_a"])
+def test_amplitudes_and_phases_are_paired_by_their_words_in_any_order(tmp_path, names):
+    head = "f_Hz,{} (rad),{} (rad),{} (m/N),{} (m/N)".format(*names.split())
+    path = table(tmp_path / "a.csv", head, F, *np.angle(H), *np.abs(H[::-1]))
+    np.testing.assert_allclose(FrfRecord.from_file(path).values[:, 0], H)
+
+
+def test_amplitudes_and_phases_that_all_have_other_words_are_not_paired_by_their_order(tmp_path):
+    path = table(tmp_path / "a.csv", "f_Hz,MagB (m/N),MagA (m/N),Phase A,Phase B", F, *np.abs(H[::-1]), *np.angle(H))
+    with pytest.raises(InputError, match="--phase"):
+        FrfRecord.from_file(path)
+    path = table(tmp_path / "a.csv", "f_Hz,MagB (m/N),MagA (m/N),Phase,Phase", F, *np.abs(H), *np.angle(H))
+    np.testing.assert_allclose(FrfRecord.from_file(path).values[:, 0], H)
+
+
 def test_coherence_gives_weights(tmp_path):
     coherence = np.linspace(0.5, 1.0, F.size)
     path = table(tmp_path / "a.csv", "f_Hz,H real (m/N),H imag (m/N),coherence", F, H[0].real, H[0].imag, coherence)
@@ -130,6 +145,7 @@ def test_units_tell_the_kind(text, kind, factor):
         ("f_Hz,H (m/N),H2 (m/N)", {}, "column 2 'H .m/N.': has amplitudes only; a function needs its phase"),
         ("f_Hz,H real (m/N),phase (deg)", {}, "is a real part without an imaginary one"),
         ("f_Hz,H (m/N),phase [grad]", {}, "give --phase-unit"),
+        ("f_Hz,H real (mm/N),H imag (m/N)", {}, "column 3 .*'m/N'"),
         ("f_Hz,H real,H imag", {}, "the values have no unit; give the kind"),
         ("f_Hz,H real (V/N),H imag (V/N)", {}, "the unit 'V/N' is none of such a function"),
         ("f_Hz,H real (m/N),H imag (m/N)", {"kind": "mobility"}, "are in units of mobility and receptance"),

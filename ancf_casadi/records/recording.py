@@ -1,7 +1,9 @@
 """Reading of a file, and the time of each sample: a column of times or of frame numbers, or the sampling rate.
 
 By default, the time is the column with a name or a unit of time; without names, it is the only column that increases in
-equal steps, or the only one that increases at all.  If several columns qualify, the user must choose.
+equal steps, or the only one that increases at all.  If several columns qualify, the user must choose.  So it is where a
+column of times contradicts the times of a waveform, or where its steps agree with a stated rate in another unit only;
+any other rate that contradicts a column is told in a note.
 """
 
 from __future__ import annotations
@@ -30,10 +32,11 @@ from ancf_casadi.records.units import MAX_STEP, Unit, known_unit
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.inputs import check_instance, physical, shown
 
+SAME_STEP = 0.01  # relative difference of a stated step from the median or the mean step of a column that agrees
 MIN_EQUAL_SHARE = 0.9  # share of positive or of equal steps in a column of times
 FIRST_DATE, LAST_DATE = 2e4, 1e6  # days since 1900 or since the year 0, as workbooks and MATLAB count
 MIN_SAMPLES = 30  # longer records with long steps must state the unit of their times
-SECONDS = known_unit("s", "")
+SECONDS, *OTHER_UNITS = (known_unit(symbol, "") for symbol in ("s", "ms", "us", "ns", "min", "h"))
 JOINED_NAME = re.compile(r"sec|time|zeit|stamp|epoch", re.IGNORECASE)  # of the column of whole seconds
 RATE_ADVICE = "or give the sampling rate with --sample-rate"
 
@@ -97,6 +100,7 @@ def with_times(
 ) -> Recording:
     """Give the channels of a file their times, and remove the column of times; see ``read_recording``."""
     if time is None and sample_rate is None and any(channel.time is not None for channel in recording.channels):
+        _check_clocks(recording)
         recording = replace(recording, channels=tuple(map(_check_times, recording.channels)))
     else:
         unit = None if time_unit is None else known_unit(time_unit, "time_unit")
@@ -113,6 +117,33 @@ def with_times(
         else:
             recording = _from_rate(recording, physical(sample_rate, "sample_rate"), time)
     return replace(recording, notes=recording.notes + unit_notes(recording.channels))
+
+
+def _check_clocks(recording: Recording) -> None:
+    """Check that no column of times contradicts the times that the file states for a channel of the same length."""
+    for clock in _clocks(recording):
+        for channel in recording.channels:
+            if channel.time is None or len(channel.time) != len(clock.values) or len(channel.time) < 2:
+                continue
+            if not _agrees(clock, float(np.median(np.diff(channel.time)))):
+                raise InputError(
+                    f"differs from the times that the file states for {channel.label}; choose it with --time, or leave "
+                    "it out with --leave-out",
+                    f"{recording.path}: column {clock.label}",
+                )
+
+
+def _clocks(recording: Recording) -> list[RecordedChannel]:
+    """Return the columns of times that change."""
+    times = [c for c in recording.channels if is_time(c) and (c.unit is None or c.unit.quantity == "time")]
+    return [channel for channel in times if not _constant(channel.values)]
+
+
+def _agrees(clock: RecordedChannel, step: float, unit: Unit = SECONDS) -> bool:
+    """Return whether a column has a step, s; without a unit, its times are in ``unit``."""
+    steps = (clock.unit or unit).factor * np.diff(clock.values)
+    steps = steps[np.isfinite(steps)]
+    return any(abs(usual - step) <= SAME_STEP * step for usual in (np.median(steps), np.mean(steps)) if len(steps))
 
 
 def _check_times(channel: RecordedChannel) -> RecordedChannel:
@@ -134,6 +165,14 @@ def _from_column(recording: Recording, time: str | int | None, unit: Unit | None
     if unit is None and is_counter(channel):
         raise InputError("counts samples, not seconds; give --sample-rate", f"{path}: column {channel.label}")
     seconds, notes = _seconds(channel, unit, path)
+    if recording.step is not None and not _agrees(channel, recording.step, unit or SECONDS):
+        rate = f"the rate of {1.0 / recording.step:g} 1/s that the file states"
+        if not unit and not channel.unit and any(_agrees(channel, recording.step, other) for other in OTHER_UNITS):
+            raise InputError(
+                f"has no unit, and agrees with {rate} in another unit than s; give the unit with --time-unit",
+                f"{path}: column {channel.label}",
+            )
+        notes += (f"column {channel.label} has another step than {rate}",)
     return _on_times(recording, channel, seconds, notes)
 
 
@@ -145,6 +184,11 @@ def _from_rate(recording: Recording, rate: float, time: str | int | None) -> Rec
     counters = [channel for channel in recording.channels if is_counter(channel) and _increases(channel.values)]
     if time is not None:
         counters = [find_channel(recording.channels, time, "--time", recording.path)]
+    notes = tuple(
+        f"column {clock.label} has other times, and does not count"
+        for clock in _clocks(recording)
+        if clock not in counters and not _agrees(clock, 1.0 / rate)
+    )
     if len(counters) == 1:
         counter = counters[0]
         if counter.unit:
@@ -157,10 +201,10 @@ def _from_rate(recording: Recording, rate: float, time: str | int | None) -> Rec
         if not numbers.size:
             raise InputError("has no numbers", f"{recording.path}: column {counter.label}")
         seconds = (counter.values - numbers[0]) / rate
-        return _on_times(recording, counter, seconds, (f"times from column {counter.label} at {rate:g} 1/s",))
+        return _on_times(recording, counter, seconds, (f"times from column {counter.label} at {rate:g} 1/s", *notes))
     seconds = np.arange(max((len(channel.values) for channel in recording.channels), default=0)) / rate
     channels = tuple(replace(channel, time=seconds[: len(channel.values)]) for channel in recording.channels)
-    notes = *recording.notes, f"times from the sampling rate, {rate:g} 1/s"
+    notes = *recording.notes, f"times from the sampling rate, {rate:g} 1/s", *notes
     return replace(recording, channels=channels, notes=notes)
 
 
@@ -199,8 +243,7 @@ def _find_time_column(recording: Recording) -> RecordedChannel:
 
 def _has_time(recording: Recording) -> bool:
     """Return whether a column holds times, so that the sampling step that the file states is not needed."""
-    channels = recording.channels
-    return len(channels) > 1 and any(is_time(channel) and not _constant(channel.values) for channel in channels)
+    return len(recording.channels) > 1 and bool(_clocks(recording))
 
 
 def _with_joined_time(recording: Recording) -> Recording:

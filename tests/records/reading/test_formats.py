@@ -16,6 +16,7 @@ from nptdms import ChannelObject, TdmsWriter
 from scipy.io import savemat
 
 from ancf_casadi.exceptions import InputError
+from ancf_casadi.records.layout import TableLayout
 from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.records.reading.formats import read_contents
 from ancf_casadi.records.recording import read_recording
@@ -354,6 +355,17 @@ class TestTdms:
         record = Measurement.from_file(path)
         np.testing.assert_allclose(record.time, TIME)
         np.testing.assert_allclose(record.values, 9.80665 * MM)
+
+    def test_a_column_of_times_that_differs_from_the_waveform_is_asked_for(self, tmp_path):
+        path = tmp_path / "record.tdms"
+        write_tdms(path, ("Time", TIME, {"wf_increment": 1.0}), ("tip", MM, {"wf_increment": 1.0}))
+        with pytest.raises(InputError, match=r"1 'Time': differs .*--time.*--leave-out"):
+            Measurement.from_file(path)
+        np.testing.assert_allclose(Measurement.from_file(path, time="Time").time, TIME)
+        record = Measurement.from_file(path, layout=TableLayout(leave_out=["Time"]))
+        np.testing.assert_allclose(record.time, np.arange(TIME.size))
+        write_tdms(path, ("Time", TIME, {}), ("tip", MM, {"wf_increment": 1.001 / RATE}))
+        np.testing.assert_allclose(Measurement.from_file(path, "tip").time, 1.001 * TIME)
 
     def test_stamps_count_in_seconds(self, tmp_path):
         stamps = np.datetime64("2024-05-17T09:30:00", "us") + (1e6 * TIME).round().astype("m8[us]")

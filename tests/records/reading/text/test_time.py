@@ -59,6 +59,31 @@ def test_the_time_grows_as_the_size(tmp_path, cell):
         assert any(duration(tmp_path / "a.csv", large[place]) < 16 * before + 0.01 for _ in range(3)), place
 
 
+@pytest.mark.parametrize(
+    ("head", "options", "step", "note"),
+    [
+        ("Sample rate: 2000 Hz\ntime,x_mm", {}, None, ""),
+        ("Sample rate: 2000 Hz\ntime,x_mm", {"time_unit": "ms"}, 5e-4, ""),
+        ("Sample rate: 2.01 Hz\ntime,x_mm", {}, 0.5, ""),
+        ("Sample rate: 7 Hz\ntime,x_mm", {}, 0.5, "column 1 'time' has another step than the rate of 7 1/s"),
+        ("Sample rate: 2000 Hz\ntime (s),x_mm", {}, 0.5, "has another step"),
+        ("time (s),x_mm", {"sample_rate": 50.0}, 0.02, "column 1 'time (s)' has other times, and does not count"),
+        ("time (s),x_mm", {"sample_rate": 2.01}, 1 / 2.01, ""),
+    ],
+)
+def test_a_stated_rate_that_contradicts_the_times_is_told_or_asked_about(tmp_path, head, options, step, note):
+    path = tmp_path / "a.csv"
+    path.write_text(head + "\n" + "".join(f"{0.5 * k},{k % 3}\n" for k in range(40)))
+    if step is None:
+        with pytest.raises(InputError, match=r"column 1 'time': .*--time-unit"):
+            read_recording(path, **options)
+    else:
+        recording = read_recording(path, **options)
+        assert recording.time[1] == pytest.approx(step)
+        told = [text for text in recording.notes if "another step" in text or "other times" in text]
+        assert len(told) == bool(note) and all(note in text for text in told)
+
+
 @pytest.mark.parametrize("missing", [False, True])
 def test_frames_never_count_as_seconds(tmp_path, missing):
     path = tmp_path / "a.csv"

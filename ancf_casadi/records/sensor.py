@@ -166,7 +166,8 @@ def assign_sensor(channel: RecordedChannel, stated_unit: Unit | None, sensor: Se
     """
     unit = stated_unit or channel.unit
     if sensor is not None and sensor.quantity == "signal":
-        return _signal(unit) if unit else (1.0, replace(sensor, signal_unit=sensor.signal_unit or channel.symbol))
+        factor, symbol = _signal(unit) if unit else (1.0, sensor.signal_unit or channel.symbol)
+        return factor, replace(sensor, signal_unit=symbol)
     if unit is None:
         if channel.symbol:
             raise InputError(
@@ -180,7 +181,10 @@ def assign_sensor(channel: RecordedChannel, stated_unit: Unit | None, sensor: Se
                 f"is in {unit.symbol}, a unit of {unit.quantity}, which its name contradicts; give the unit with "
                 "--unit, such as gf for a force in grams, or the quantity with --sensor"
             )
-        return (unit.factor, Sensor(quantity=quantities[0])) if quantities else _signal(unit)
+        if quantities:
+            return unit.factor, Sensor(quantity=quantities[0])
+        factor, symbol = _signal(unit)
+        return factor, Sensor("signal", signal_unit=symbol)
     if sensor.quantity not in quantities:
         raise InputError(
             f"is in {unit.symbol}, a unit of {unit.quantity}, but the sensor measures {sensor.quantity}; give the unit "
@@ -189,16 +193,12 @@ def assign_sensor(channel: RecordedChannel, stated_unit: Unit | None, sensor: Se
     return unit.factor, sensor
 
 
-def _signal(unit: Unit) -> tuple[float, Sensor]:
-    """Return the factor to the unit of a quantity without prefix, if there is one, and a signal sensor in it."""
+def _signal(unit: Unit) -> tuple[float, str]:
+    """Return the factor to the unit of a quantity without prefix, if there is one, and the symbol of that unit."""
     if unit.quantity == "time":
         raise InputError(f"is in {unit.symbol}, a unit of time, which no sensor measures; name another with --column")
     si_symbol = next((symbol for symbol, factor in UNITS.get(unit.quantity, {}).items() if factor == 1.0), "")
-    return (
-        (unit.factor, Sensor("signal", signal_unit=si_symbol))
-        if si_symbol
-        else (1.0, Sensor("signal", signal_unit=unit.symbol))
-    )
+    return (unit.factor, si_symbol) if si_symbol else (1.0, unit.symbol)
 
 
 def _quantities(unit: Unit) -> tuple[Quantity, ...]:

@@ -57,6 +57,12 @@ def test_a_name_that_contradicts_its_unit_is_refused_until_the_user_decides(name
     assert sensor.quantity == "acceleration"
 
 
+@pytest.mark.parametrize(("name", "factor", "symbol"), [("x (mV)", 1e-3, "V"), ("x [foo]", 1.0, "foo"), ("x", 1.0, "")])
+def test_a_signal_keeps_its_place_and_direction_and_takes_the_unit_of_the_file(name, factor, symbol):
+    placed = {"point": 0.2, "direction": (0.0, 1.0)}
+    assert assigned(name, sensor=Sensor("signal", **placed)) == (factor, Sensor("signal", **placed, signal_unit=symbol))
+
+
 @pytest.mark.parametrize(
     ("name", "quantity"),
     [

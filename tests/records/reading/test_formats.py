@@ -561,6 +561,17 @@ class TestPoseTracks:
         assert signal.sensor == Sensor("signal", signal_unit="px")
         assert "in px, without a scale" in signal.notes[-1]
 
+    @pytest.mark.parametrize(("factor", "kept"), [(1.0, 1), (1.2, 2), (100.0, 1), (200.0, None)])
+    def test_likelihoods_may_be_in_percent(self, tmp_path, factor, kept):
+        path = tmp_path / "record.csv"
+        rows = "".join(f"{0.1 * k},{k},{factor * p}\n" for k, p in enumerate((0.99, 0.1, 0.55, 0.99)))
+        path.write_text("time_s,tip_x_mm,tip_likelihood\n" + rows)
+        if kept is None:
+            with pytest.raises(InputError, match=r"likelihoods .* up to 198"):
+                read_recording(path)
+        else:
+            assert np.isfinite(read_recording(path).channel().values[1:]).sum() == kept
+
     def test_a_plain_table_with_likelihoods(self, tmp_path):
         path = tmp_path / "record.csv"
         path.write_text("time_s,tip_x_mm,tip_score\n0,1,0.9\n0.1,2,0.1\n0.2,3,\n0.3,4,0.8\n")

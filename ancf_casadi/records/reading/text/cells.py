@@ -24,9 +24,10 @@ HALF_DAY = 43_200.0  # s
 Kind = Literal["number", "complex", "gap", "stamp", "word"]
 
 CELL_NUMBER = {
-    ".": re.compile(r"[+-]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][+-]?\d+)?"),
-    ",": re.compile(r"[+-]?(?:\d+(?:,\d+)?|,\d+)(?:[eE][+-]?\d+)?"),
+    ".": re.compile(r"[+\-\u2212]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eEdD][+\-\u2212]?\d+)?"),
+    ",": re.compile(r"[+\-\u2212]?(?:\d+(?:,\d+)?|,\d+)(?:[eEdD][+\-\u2212]?\d+)?"),
 }
+PLAIN_CHARACTERS = str.maketrans("dD\N{MINUS SIGN}", "ee-")  # exponents of Fortran, the minus sign of word processors
 GAPS = frozenset({"", "nan", "na", "n/a", "#n/a", "null", "none", "-", "--", "#nv", "missing", "nan(ind)", "-nan"})
 OVERRANGE = frozenset({
     *(sign + name for sign in ("", "+", "-") for name in ("∞", "inf", "infinity", "1.#inf", "1.#inf00")),
@@ -153,7 +154,7 @@ class Dialect:
         for index, cell in enumerate(cells):
             kind = self.kind(cell.strip())
             if kind == "number":
-                values[index] = float(cell.replace(self.decimal, "."))
+                values[index] = float(cell.replace(self.decimal, ".").translate(PLAIN_CHARACTERS))
             if kind in ("stamp", "word", "complex") or np.isinf(values[index]):
                 values[index] = np.nan
                 fault = index if fault is None else fault

@@ -9,7 +9,7 @@ Programs that track body parts or markers in videos, such as DeepLabCut and SLEA
 DeepLabCut writes the rows ``scorer``, ``individuals`` (if there are several), ``bodyparts`` and ``coords`` above the
 numbers; coordinates are in pixels, and the first column counts the frames.  In any table, a column such as
 ``tip_likelihood`` or ``tip.score`` belongs to the columns ``tip_x`` and ``tip_y``.  A point whose likelihood is below
-``MIN_LIKELIHOOD`` is a gap.
+``MIN_LIKELIHOOD`` is a gap.  Likelihoods clearly above 1 are in percent.
 
 References
 ----------
@@ -57,6 +57,7 @@ VALUE = re.compile(r"(\d+(?:[.,]\d+)?)\.?(e[+-]?\d+)?\"?(?:$|([ ,;\t]*)[(\[]?([^
 PER_SECOND = re.compile(r"([km]?)(?:hz|sa?/s|sps|fps|1/s|samples?/s(?:ec)?)", re.IGNORECASE)
 IN_WORDS = re.compile(r"(?:samples?|frames?)(?: ?(?:/|per) ?s(?:ec(?:onds?)?)?)?", re.IGNORECASE)
 MIN_LIKELIHOOD = 0.6  # likelihood of a point that counts
+MAX_LIKELIHOOD = 1.5  # largest score of a network that may exceed 1; percent are larger
 LIKELIHOOD = re.compile(r"(.*[^\s_.])[ _.]+(?:likelihood|score|confidence|conf)", re.IGNORECASE | re.DOTALL)
 COORDINATE = re.compile(r"(.*[^\s_.])[ _.]+[xyz](?:[ _(\[].*)?", re.IGNORECASE | re.DOTALL)
 Head = tuple[str, str, Unit | None]  # name of a column, its unit as written, and the meaning of the unit
@@ -96,7 +97,8 @@ def read_heading(above: Sequence[tuple[int, str]], table: TableHead, path: str, 
     if (completed := _with_axis_units(heading, metadata)) != heading:
         return completed
     about = next((line for line in metadata if ABOUT_UNITS.search(line)), None)
-    if about and stated and (completed := _with_stated_units(heading, stated, shown(about))) != heading:
+    sampled = sampling_step([line for _, line in above]) is not None  # so that no column needs to be the time
+    if about and stated and (completed := _with_stated_units(heading, stated, shown(about), sampled)) != heading:
         return completed
     if about is None and not rows and filled and BRACKETED.search(filled[-1][1]):
         about = filled[-1][1]
@@ -205,12 +207,12 @@ def _stated_step(separator: str, text: str, quantity: str, *, with_unit: bool) -
     return step_between_samples(number, quantity) if apart or words else np.nan
 
 
-def _with_stated_units(heading: Sequence[Head], stated: Mapping[str, Unit], doubtful: str) -> list[Head]:
+def _with_stated_units(heading: Sequence[Head], stated: Mapping[str, Unit], doubtful: str, sampled: bool) -> list[Head]:
     """Give columns without a unit the unit that the metadata state for their quantity, or else the doubtful text."""
     values = [unit for quantity, unit in stated.items() if quantity != "time"]
     times = [unit.quantity == "time" if unit else names_time(name) for name, _, unit in heading]
     counts = [bool(COUNTER_NAME.fullmatch(name)) for name, _, _ in heading]
-    value = values[0] if len(values) == 1 and (any(times) or counts.count(False) == 1) else None
+    value = values[0] if len(values) == 1 and (sampled or any(times) or counts.count(False) == 1) else None
     units = [
         None if is_counter else stated.get("time") if is_time else value
         for is_counter, is_time in zip(counts, times, strict=True)
@@ -340,16 +342,23 @@ def mask_unlikely(recording: Recording) -> Recording:
     likelihoods = {stem: channel for match, channel in usable if match and (stem := match[1].casefold()) in tracks}
     if not likelihoods:
         return recording
+    largest = max(float(np.nanmax(channel.values, initial=0.0)) for channel in likelihoods.values())
+    if largest > 100.0:
+        raise InputError(
+            f"has likelihoods of points up to {largest:g}, beyond 1 and 100 %; remove them", recording.path
+        )
+    percent = largest > MAX_LIKELIHOOD
     masked: list[RecordedChannel] = []
     points = 0
     for channel in recording.channels:
         match = COORDINATE.fullmatch(channel.name)
         likelihood = likelihoods.get(match[1].casefold()) if match else None
         if likelihood and not channel.fault:
-            doubtful = ~(likelihood.values >= MIN_LIKELIHOOD)
+            doubtful = ~(likelihood.values >= MIN_LIKELIHOOD * (100.0 if percent else 1.0))
             points += int(np.sum(doubtful & ~np.isnan(channel.values)))
             channel = replace(channel, values=np.where(doubtful, np.nan, channel.values))
         if channel not in likelihoods.values():
             masked.append(channel)
-    note = f"{points} coordinates with a likelihood below {MIN_LIKELIHOOD:g} are gaps"
+    limit = f"{100 * MIN_LIKELIHOOD:g} %" if percent else f"{MIN_LIKELIHOOD:g}"
+    note = f"{points} coordinates with a likelihood below {limit} are gaps"
     return replace(recording, channels=tuple(masked), notes=(*recording.notes, note))

@@ -174,3 +174,10 @@ def test_a_unit_of_the_file_counts_only_for_columns_whose_names_denote_no_other_
     assert Measurement.from_file(path, "x").values.tolist() == [1e-3, 2e-3, 3e-3]
     with pytest.raises(InputError, match=r"Length units: mm.* --unit"):
         Measurement.from_file(path, name)
+
+
+def test_a_unit_of_the_file_counts_for_all_columns_if_the_step_is_stated(csv):
+    path = csv("Horizontal Units,S\nSample Interval,0.01\nVertical Units,V,V\nCH1,CH2\n1,2\n3,4\n5,6\n")  # of Tektronix
+    record = Measurement.from_file(path, "CH2")
+    assert (record.values.tolist(), record.sensor.unit) == ([2.0, 4.0, 6.0], "V")
+    np.testing.assert_allclose(record.time, [0.0, 0.01, 0.02])

@@ -124,6 +124,10 @@ READ = {
               "NO_OF_FRAMES\t200\nNO_OF_MARKERS\t2\nFREQUENCY\t100\nDATA_INCLUDED\t3D\nMARKER_NAMES\tbase\ttip\n"),
         {"column": "tip X"},
     ),
+    "exponents of Fortran": (
+        lines(lambda k, t, y: f"{t:.4e},{y:.9e}".replace("e", "D"), "time_s,x_mm\n"), {},
+    ),
+    "minus signs of a word processor": (table("time_s;x_mm\n", ";", ",").replace("-", "\N{MINUS SIGN}"), {}),
     "units given by hand": (table("a,b\n", time=1e3 * TIME), {"unit": "mm", "time_unit": "ms", "time": "a"}),
     "columns by number": (lines(lambda k, t, y: f"{y:.6f},{-y:.6f},{t:.4f}"), {"column": 1, "time": 3, "unit": "mm"}),
     "a scale": (table("time_s,voltage_V\n", values=0.5 * MM), {"unit": "2 mm"}),

@@ -139,9 +139,9 @@ def _clocks(recording: Recording) -> list[RecordedChannel]:
     return [channel for channel in times if not _constant(channel.values)]
 
 
-def _agrees(clock: RecordedChannel, step: float, unit: Unit = SECONDS) -> bool:
-    """Return whether a column has a step, s; without a unit, its times are in ``unit``."""
-    steps = (clock.unit or unit).factor * np.diff(clock.values)
+def _agrees(clock: RecordedChannel, step: float, unit: Unit | None = None) -> bool:
+    """Return whether a column has a step, s; its times are in ``unit``, by default in that of the file, or in s."""
+    steps = (unit or clock.unit or SECONDS).factor * np.diff(clock.values)
     steps = steps[np.isfinite(steps)]
     return any(abs(usual - step) <= SAME_STEP * step for usual in (np.median(steps), np.mean(steps)) if len(steps))
 
@@ -165,7 +165,7 @@ def _from_column(recording: Recording, time: str | int | None, unit: Unit | None
     if unit is None and is_counter(channel):
         raise InputError("counts samples, not seconds; give --sample-rate", f"{path}: column {channel.label}")
     seconds, notes = _seconds(channel, unit, path)
-    if recording.step is not None and not _agrees(channel, recording.step, unit or SECONDS):
+    if recording.step is not None and not _agrees(channel, recording.step, unit):
         rate = f"the rate of {1.0 / recording.step:g} 1/s that the file states"
         if not unit and not channel.unit and any(_agrees(channel, recording.step, other) for other in OTHER_UNITS):
             raise InputError(

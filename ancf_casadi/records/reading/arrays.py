@@ -13,7 +13,7 @@ from __future__ import annotations
 import io
 import math
 import zipfile
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from types import MappingProxyType
@@ -50,7 +50,7 @@ def columns_recording(
     channels: list[RecordedChannel] = []
     arrays_of_channels: list[str] = []
     remarks = list(notes)
-    steps = [(place, f"{rate:g} 1/s", 1.0 / rate) for place, rate in rates.items()]
+    steps = [(place, f"rate {rate:g}", step_between_samples(rate, "frequency")) for place, rate in rates.items()]
     for name, array in real_parts(arrays):
         values = np.squeeze(array)
         stamps = values.dtype.kind == "M"
@@ -102,12 +102,13 @@ def _with_steps(
     recording: Recording, arrays_of_channels: Sequence[str], steps: Sequence[tuple[str, str, float]]
 ) -> Recording:
     """Give each channel, a part of an array, the step that is stated at its place or at the nearest one around it."""
+    occupied = {"", *(place for name in arrays_of_channels for place in _places(name))}
     steps_at: dict[str, dict[str, float]] = {}
-    for place, text, step in steps:
-        while place and not any(f"{name}.".startswith(f"{place}.") for name in arrays_of_channels):
-            place = place.rpartition(".")[0]
+    for stated_at, text, step in steps:
+        place = next(filter(occupied.__contains__, _places(stated_at)))
         steps_at.setdefault(place, {})[text] = step
-    agreed = [_agreed(_nearest(steps_at, name)) for name in arrays_of_channels]
+    nearest = [next(filter(steps_at.__contains__, _places(name)), None) for name in arrays_of_channels]
+    agreed = [0.0 if place is None else _agreed(steps_at[place]) for place in nearest]
     if len(set(agreed)) < 2:
         texts = ", ".join(text for stated in steps_at.values() for text in stated)
         fault = f"the time between samples is in doubt ({texts})" if texts and not any(agreed) else ""
@@ -115,7 +116,7 @@ def _with_steps(
     if any(map(is_time, recording.channels)):
         return recording
     channels = tuple(
-        replace(channel, time=step * np.arange(len(channel.values))) if step else channel
+        replace(channel, time=step * np.arange(len(channel.values), dtype=float)) if step else channel
         for channel, step in zip(recording.channels, agreed, strict=True)
     )
     rates = ", ".join(f"{1.0 / step:g}" for step in dict.fromkeys(agreed) if step)
@@ -124,15 +125,18 @@ def _with_steps(
     )
 
 
-def _nearest(steps_at: Mapping[str, dict[str, float]], place: str) -> dict[str, float]:
-    """Return the steps at a place, or else at the nearest one around it."""
-    return steps_at.get(place) or (_nearest(steps_at, place.rpartition(".")[0]) if place else {})
+def _places(path: str) -> Iterator[str]:
+    """Yield a path and those around it, up to that of the file, which is empty."""
+    while path:
+        yield path
+        path = path.rpartition(".")[0]
+    yield ""
 
 
 def _agreed(stated: Mapping[str, float]) -> float:
-    """Return the step in all statements, s; 0 if there is none, or it is in doubt."""
+    """Return the step in all statements, s; 0 if it is in doubt."""
     steps = list(stated.values())
-    return steps[0] if steps and np.ptp(steps) <= SAME_STEP * steps[0] else 0.0
+    return steps[0] if np.ptp(steps) <= SAME_STEP * steps[0] else 0.0
 
 
 def read_matlab(path: Path) -> Recording:

@@ -138,7 +138,8 @@ def _unpacked(item: Any) -> NDArray[Any]:
     }
     if not packing or values.dtype.kind not in "fiu":
         return values
-    numbers = np.where(np.isin(values, [packing[name] for name in GAP_ATTRIBUTES if name in packing]), np.nan, values)
+    numbers = np.asarray(values, dtype=float)
+    numbers[np.isin(numbers, [packing[name] for name in GAP_ATTRIBUTES if name in packing])] = np.nan
     return np.asarray(numbers * packing.get("scale_factor", 1.0) + packing.get("add_offset", 0.0))
 
 

@@ -142,15 +142,16 @@ def track_video(
         except cv2.error as error:
             raise InputError(f"cannot be tracked ({' '.join(str(error).split())[:80]})") from None
         notes = _check_tracks(np.array(times), points, std)
-        time, time_note = _time(np.array(times), rate or video.frame_rate)
+        stamps = np.array(times)
+        time, time_note = _time(stamps, rate or video.frame_rate)
     channels = []
     columns = np.concatenate([positions, scale * std[..., None]], axis=2).reshape(len(time), -1).T
     for k, values in enumerate(columns):
         name = f"{('x', 'y', 'std')[k % 3]}{k // 3 + 1}_{view.unit}"
         channels.append(RecordedChannel(k + 1, name, values, view.unit, parse_unit(view.unit), time))
-    stated = (
-        () if rate else (f"{time_note}; if it plays in slow motion, give the rate of the recording with --sample-rate",)
-    )
+    if rate is None:
+        time_note += "; if it plays in slow motion, give the rate of the recording with --sample-rate"
+    stated = () if rate and time is not stamps else (time_note,)
     return Recording(str(path), tuple(channels), stated + notes)
 
 

@@ -58,6 +58,13 @@ def test_footage_shows_the_tracks_where_they_were_seen(strip):
         Footage.from_video(path, begin=1.0)
 
 
+@pytest.mark.parametrize("rate", [None, 240.0])
+def test_uneven_times_are_told_whatever_the_rate(strip, monkeypatch, rate):
+    path, true = strip(12)
+    monkeypatch.setattr("ancf_casadi.records.video.recording._time", lambda stamps, _: (stamps, "uneven"))
+    assert track_video(path, markers=true[0], sample_rate=rate).notes[0].startswith("uneven")
+
+
 @pytest.mark.slow
 def test_slow_motion_is_told_and_its_true_rate_is_taken(strip):
     path, true = strip(20, rate=30.0, exposure=0.02)

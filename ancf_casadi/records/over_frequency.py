@@ -181,7 +181,7 @@ def _function(columns: Mapping[str, RecordedChannel], phase_unit: str | None, pa
         if "imag" not in columns:
             raise InputError("is a real part without an imaginary one", f"{path}: column {columns['real'].label}")
         real, imag = columns["real"], columns["imag"]
-        if imag.symbol not in ("", real.symbol):
+        if imag.symbol and "".join(imag.symbol.split()) != "".join(real.symbol.split()):
             raise InputError(
                 f"is in {shown(imag.symbol)}, but the real part in {shown(real.symbol)}; write both in one unit",
                 f"{path}: column {imag.label}",

@@ -36,7 +36,7 @@ SAME_STEP = 0.01  # relative difference of a stated step from the median or the 
 MIN_EQUAL_SHARE = 0.9  # share of positive or of equal steps in a column of times
 FIRST_DATE, LAST_DATE = 2e4, 1e6  # days since 1900 or since the year 0, as workbooks and MATLAB count
 MIN_SAMPLES = 30  # longer records with long steps must state the unit of their times
-SECONDS, *OTHER_UNITS = (known_unit(symbol, "") for symbol in ("s", "ms", "us", "ns", "min", "h"))
+SECONDS, OTHER_UNITS = known_unit("s", ""), ("ms", "us", "ns", "min", "h")
 JOINED_NAME = re.compile(r"sec|time|zeit|stamp|epoch", re.IGNORECASE)  # of the column of whole seconds
 RATE_ADVICE = "or give the sampling rate with --sample-rate"
 
@@ -167,9 +167,10 @@ def _from_column(recording: Recording, time: str | int | None, unit: Unit | None
     seconds, notes = _seconds(channel, unit, path)
     if recording.step is not None and not _agrees(channel, recording.step, unit):
         rate = f"the rate of {1.0 / recording.step:g} 1/s that the file states"
-        if not unit and not channel.unit and any(_agrees(channel, recording.step, other) for other in OTHER_UNITS):
+        possible = [symbol for symbol in OTHER_UNITS if _agrees(channel, recording.step, known_unit(symbol, ""))]
+        if possible and not unit and not channel.unit:
             raise InputError(
-                f"has no unit, and agrees with {rate} in another unit than s; give the unit with --time-unit",
+                f"has no unit, and agrees with {rate} in {possible[0]}, not in s; give the unit with --time-unit",
                 f"{path}: column {channel.label}",
             )
         notes += (f"column {channel.label} has another step than {rate}",)

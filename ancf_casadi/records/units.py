@@ -104,6 +104,9 @@ LETTER = r"[^\s_.,·⋅*/\-]"
 TOKENS = re.compile(rf"\s?/\s?|{LETTER}+(?:-\d(?!{LETTER}))?|[\s_.,·⋅*\-]+")
 POWER = re.compile(r"([^\d^+\-]+)\^?([+-]?\d)?")
 PER_SECOND = re.compile(r"(.+?)p(?:er)?(s|sec|second)", re.IGNORECASE)
+RATE_UNIT = re.compile(
+    r"([km]?)(?:hz|sa?/s|sps|fps|1/s|(?:samples?|frames?) ?(?:/|per) ?s(?:ec(?:onds?)?)?)", re.IGNORECASE
+)
 SCALED = re.compile(r"([+-]?\d+(?:\.\d*)?(?:[eE][+-]?\d+)?(?=[ *]))?[ *]*(\D.*)")
 SIZE = re.compile(r"(?:.*[\W_])?(?:\d+[ *·⋅]|(?:\d{3,}|\d+\.\d+)[_-])", re.DOTALL)  # a number with a unit behind it
 BRACKETS = re.compile(r"[(\[{<]([^()\[\]{}<>]*)[)\]}>]")
@@ -237,6 +240,13 @@ def hertz_factor(unit: Unit) -> float:
     if unit.quantity not in ("frequency", "angular velocity"):
         raise InputError(f"is in {unit.symbol}, and holds no frequencies")
     return unit.factor if unit.quantity == "frequency" else unit.factor / (2.0 * math.pi)
+
+
+def sampling_unit(text: str) -> Unit | None:
+    """Return the unit of a sampling rate or step, such as kS/s, fps or ms; None if unknown."""
+    rate = RATE_UNIT.fullmatch(text.strip())
+    factors = {"": 1.0, "k": 1e3, "K": 1e3, "M": 1e6, "m": 1e-3}
+    return Unit(text.strip(), "frequency", factors[rate[1]]) if rate else parse_unit(text)
 
 
 def step_between_samples(number: float, quantity: str, unit: Unit | None = None) -> float:

@@ -27,7 +27,7 @@ from ancf_casadi.exceptions import InputError
 from ancf_casadi.records.channel import RecordedChannel, Recording, is_time
 from ancf_casadi.records.reading.libraries import library_errors, read_in_process
 from ancf_casadi.records.reading.worker import check_data_size, real_parts
-from ancf_casadi.records.units import Unit, column_unit, parse_unit, step_between_samples
+from ancf_casadi.records.units import Unit, column_unit, parse_unit, sampling_unit, step_between_samples
 
 MAX_CHANNELS = 10_000
 STEP_NAMES = {"dt", "deltat", "ts", "tstep", "timestep", "tinc", "tinterval", "xincrement", "sampleinterval"}
@@ -90,7 +90,7 @@ def seconds_from_first(dates: NDArray[Any]) -> NDArray[Any]:
 def _stated_step(name: str, value: float, symbol: str) -> tuple[str, str, float] | None:
     """Return place, text and s, nan if in doubt, of a step such as ``dt`` or ``run.Fs``; None for other numbers."""
     place, _, field = name.rpartition(".")
-    word, unit = field.casefold().replace("_", ""), parse_unit(symbol)
+    word, unit = field.casefold().replace("_", ""), sampling_unit(symbol)
     quantity = "time" if word in STEP_NAMES else "frequency" if word in RATE_NAMES else ""
     if not quantity or not 0.0 < value < np.inf:
         return None

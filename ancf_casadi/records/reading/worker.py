@@ -119,12 +119,15 @@ def hdf5(path: str) -> FileContents:
                 continue
             total += item.size * item.dtype.itemsize
             check_data_size(total, os.path.getsize(path))
-            parts = list(real_parts([(name, _unpacked(item))]))
-            arrays += parts
-            unit = _attribute(item, UNIT_ATTRIBUTE, str)
-            units |= {part: unit for part, _ in parts if unit}
-            places = [(part, item) for part, _ in parts]
-            for place, owner in (*places, (name.rpartition(".")[0], item.parent), ("", file)):
+            columns = dict(real_parts([(name, _unpacked(item))]))
+            arrays += columns.items()
+            if unit := _attribute(item, UNIT_ATTRIBUTE, str):
+                units |= dict.fromkeys(columns, unit)
+            for place, owner in (
+                *dict.fromkeys(columns, item).items(),
+                (name.rpartition(".")[0], item.parent),
+                ("", file),
+            ):
                 if rate := _attribute(owner, RATE_ATTRIBUTE, float):
                     rates[place] = rate
     return arrays, {"notes": notes, "units": units, "rates": rates}

@@ -78,7 +78,9 @@ def test_matlab_npz_and_text(tmp_path):
     np.savez(tmp_path / "a.npz", frequency=F, H=H)
     columns = (column for h in H for column in (20 * np.log10(np.abs(h)), np.degrees(np.unwrap(np.angle(h)))))
     table(tmp_path / "a.csv", "f [Hz],tip mag [dB],tip phase [deg],mid mag [dB],mid phase [deg]", F, *columns)
-    head = "Frequency (Hz),Disp1/Force real (mm/N),Disp1/Force imag (mm/N),Disp2/Force Re (mm/N),Disp2/Force Im (mm/N)"
+    head = (
+        "Frequency (Hz),Disp1/Force real (mm/N),Disp1/Force imag (mm/N),Disp2/Force Re (mm/N),Disp2/Force Im (mm / N)"
+    )
     table(tmp_path / "b.csv", head, F, *(1e3 * column for h in H for column in (h.real, h.imag)))
     for name, kind in (("a.mat", "receptance"), ("a.npz", "receptance"), ("a.csv", "receptance"), ("b.csv", None)):
         record = FrfRecord.from_file(tmp_path / name, kind)

@@ -493,7 +493,8 @@ class TestStatedRates:
 
     @pytest.mark.parametrize(
         ("name", "value", "unit", "step"),
-        [("fs", 1.0, "kHz", 1e-3), ("dt", 1.0, "ms", 1e-3), ("rate", 5.0, "ms", 5e-3), ("dt", 2.0, "s", 2.0),
+        [("fs", 1.0, "kHz", 1e-3), ("fs", 1.0, "kS/s", 1e-3), ("fs", 100.0, "samples per second", 0.01),
+         ("dt", 1.0, "ms", 1e-3), ("rate", 5.0, "ms", 5e-3), ("dt", 2.0, "s", 2.0),
          ("fs", 1.0, "foo", None), ("fs", 1.0, "mm", None)],
     )  # fmt: skip
     def test_the_unit_of_a_step_is_its_attribute(self, tmp_path, name, value, unit, step):

@@ -31,7 +31,15 @@ from ancf_casadi.records.channel import COUNTER_NAME, RecordedChannel, Recording
 from ancf_casadi.records.reading.text.cells import is_comment, strip_comment
 from ancf_casadi.records.reading.text.dialect import SEPARATORS, TableHead
 from ancf_casadi.records.sensor import contradicts
-from ancf_casadi.records.units import Unit, column_unit, names_time, parse_unit, step_between_samples, unit_in_name
+from ancf_casadi.records.units import (
+    Unit,
+    column_unit,
+    names_time,
+    parse_unit,
+    sampling_unit,
+    step_between_samples,
+    unit_in_name,
+)
 from ancf_casadi.support.inputs import shown
 from ancf_casadi.support.tables import plural
 
@@ -54,7 +62,6 @@ STEP = re.compile(
 )  # fmt: skip
 FREQUENCY = re.compile(rf"\"?frequency{BEFORE_VALUE}", re.IGNORECASE)  # of QTM; with a unit, it may be any frequency
 VALUE = re.compile(r"(\d+(?:[.,]\d+)?)\.?(e[+-]?\d+)?\"?(?:$|([ ,;\t]*)[(\[]?([^\s,;\"()\[\]]*)(.*))", re.IGNORECASE)
-PER_SECOND = re.compile(r"([km]?)(?:hz|sa?/s|sps|fps|1/s|samples?/s(?:ec)?)", re.IGNORECASE)
 IN_WORDS = re.compile(r"(?:samples?|frames?)(?: ?(?:/|per) ?s(?:ec(?:onds?)?)?)?", re.IGNORECASE)
 MIN_LIKELIHOOD = 0.6  # likelihood of a point that counts
 MAX_LIKELIHOOD = 1.5  # largest score of a network that may exceed 1; percent are larger
@@ -196,9 +203,7 @@ def _stated_step(separator: str, text: str, quantity: str, *, with_unit: bool) -
     digits, exponent, gap, symbol, remainder = match.groups(default="")
     if re.fullmatch(r"\d+,\d{3}", digits):
         return np.nan  # a comma may separate thousands or decimals
-    number, unit = float(digits.replace(",", ".") + exponent), parse_unit(symbol)
-    if per_second := PER_SECOND.fullmatch(symbol):
-        unit = Unit(symbol, "frequency", {"": 1.0, "k": 1e3, "K": 1e3, "M": 1e6, "m": 1e-3}[per_second[1]])
+    number, unit = float(digits.replace(",", ".") + exponent), sampling_unit(symbol)
     if unit:
         return step_between_samples(number, quantity, unit) if with_unit else np.nan
     # the next piece of the line says something else

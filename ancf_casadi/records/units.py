@@ -7,9 +7,9 @@ In the name of a column, the unit stands in brackets (``Time (ms)``, ``x [mm]``)
 ``Weg in mm``), or among the words, usually at the end (``tip_mm``, ``Time ms``, ``acc_m_s2``, ``v_mm_per_s``,
 ``x_mm_raw``).  The first word names the quantity.  Among the other words, the longest run that denotes a unit counts.
 A run that may belong to another unit, as in ``x_mm_per_rev``, ``force_N_m`` or ``area_mm2``, is doubtful, and the user
-must state the unit.  So is one behind a number, which may be the place or the size of something, as in
-``acc at 250 mm`` or ``pos_250_mm_acc``; but a whole number of one or two digits before a line is an index, as in
-``marker_12_mm``.
+must state the unit.  So is a length, angle, mass or force behind a number, which may be the place or the size of
+something, as in ``acc at 250 mm`` or ``tip mass 5 g``; but a whole number of one or two digits before a line is an
+index, as in ``marker_12_mm``, and so is one before any other unit, as in ``Channel 1 V``.
 """
 
 from __future__ import annotations
@@ -273,7 +273,7 @@ def unit_in_name(name: str) -> tuple[str, Unit | None]:
     tokens = TOKENS.findall(_plain_text(name))
     items = [k for k, token in enumerate(tokens) if token.strip(SEPARATING)]
     runs = _runs(tokens, items)
-    sizes = [begin - 2 for begin, _ in runs if SIZE.fullmatch("".join(tokens[max(begin - 4, 0) : begin]))]
+    sizes = [begin - 2 for begin, end in runs if end == begin + 1 and _is_size(tokens, begin)]
     doubtful = [*_doubtful(tokens, items, runs), *sizes]
     if not runs and not doubtful:
         return "", None
@@ -341,6 +341,13 @@ def _doubtful(tokens: list[str], items: list[int], runs: list[tuple[int, int]]) 
             elif (len(symbol) > 1 and symbol not in AMBIGUOUS_UNITS) or previous.strip() in OVER:
                 places.append(place)
     return places
+
+
+def _is_size(tokens: list[str], place: int) -> bool:
+    """Return whether the unit at a place belongs to a number before it."""
+    unit = parse_unit(tokens[place])
+    sized = unit is not None and unit.quantity in ("length", "angle", "acceleration", "force", "mass")
+    return sized and SIZE.fullmatch("".join(tokens[max(place - 4, 0) : place])) is not None
 
 
 def names_time(name: str) -> bool:

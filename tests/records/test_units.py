@@ -77,7 +77,8 @@ def test_anything_else_is_not(text):
         ("v_mm_per_s", "mm_per_s", 1e-3), ("time.ms", "ms", 1e-3), ("ms", "ms", 1e-3), ("m1_x_m", "m", 1.0),
         ("acc m/s²", "m/s²", 1.0), ("acc m / s^2", "m / s^2", 1.0), ("acc m s-2", "m s-2", 1.0),
         ("Beschleunigung a / m/s²", "m/s²", 1.0), ("a in m/s^2", "m/s^2", 1.0),
-        ("acc at 250 mm [g]", "g", 9.80665), ("marker_12_mm", "mm", 1e-3), ("x1 mm", "mm", 1e-3),
+        ("acc at 250 mm [g]", "g", 9.80665), ("marker_12_mm", "mm", 1e-3), ("x1 mm", "mm", 1e-3), ("Ch 1 V", "V", 1.0),
+        ("Ch 3 µm/m", "µm/m", 1e-6), ("Velocity 1 m/s", "m/s", 1.0),
         ("ch100_mm", "mm", 1e-3), ("Winkel [Grad]", "Grad", np.pi / 180), ("Phase Grad", "Grad", np.pi / 180),
     ],
 )  # fmt: skip

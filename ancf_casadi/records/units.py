@@ -8,8 +8,8 @@ In the name of a column, the unit stands in brackets (``Time (ms)``, ``x [mm]``)
 ``x_mm_raw``).  The first word names the quantity.  Among the other words, the longest run that denotes a unit counts.
 A run that may belong to another unit, as in ``x_mm_per_rev``, ``force_N_m`` or ``area_mm2``, is doubtful, and the user
 must state the unit.  So is a length, angle, mass or force behind a number, which may be the place or the size of
-something, as in ``acc at 250 mm`` or ``tip mass 5 g``; but a whole number of one or two digits before a line is an
-index, as in ``marker_12_mm``, and so is one before any other unit, as in ``Channel 1 V``.
+something, as in ``acc at 250 mm`` or ``x, 20 g``; but a single digit is an index, as in ``Weg 1 mm``, and so are two
+before a line, as in ``marker_12_mm``, and any number before another unit, as in ``Channel 1 V``.
 """
 
 from __future__ import annotations
@@ -108,7 +108,9 @@ RATE_UNIT = re.compile(
     r"([km]?)(?:hz|sa?/s|sps|fps|1/s|(?:samples?|frames?) ?(?:/|per) ?s(?:ec(?:onds?)?)?)", re.IGNORECASE
 )
 SCALED = re.compile(r"([+-]?\d+(?:\.\d*)?(?:[eE][+-]?\d+)?(?=[ *]))?[ *]*(\D.*)")
-SIZE = re.compile(r"(?:.*[\W_])?(?:\d+[ *·⋅]|(?:\d{3,}|\d+\.\d+)[_-])", re.DOTALL)  # a number with a unit behind it
+SIZE = re.compile(  # a number with a unit behind it
+    r"(?:.*[\W_])?(?:(?:at|bei|@) \d[ *·⋅]|(?:\d\d+|\d+\.\d+)[ *·⋅]|(?:\d{3,}|\d+\.\d+)[_-])", re.DOTALL | re.IGNORECASE
+)
 BRACKETS = re.compile(r"[(\[{<]([^()\[\]{}<>]*)[)\]}>]")
 CAPITALS = {"S", "M", "G", "MM", "CM", "KM", "UM", "IN", "FT", "MS", "US"}  # of programs that know no other letters
 AMBIGUOUS_UNITS = {"min", "h", "in", "g", "gs", "mil"}  # as the whole name of a column, these are rarely units

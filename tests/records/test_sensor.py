@@ -48,7 +48,9 @@ def assigned(name, unit=None, sensor=None):
     return assign_sensor(channel, unit and known_unit(unit, "unit"), sensor)
 
 
-@pytest.mark.parametrize("name", ["Force (g)", "Load (g)", "Masse [g]", "Force [mg]", "acc_20_mm", "Kraft [Nm]"])
+@pytest.mark.parametrize(
+    "name", ["Force (g)", "Load (g)", "Masse [g]", "Force [mg]", "acc_20_mm", "Kraft [Nm]", "tip mass 5 g"]
+)
 def test_a_name_that_contradicts_its_unit_is_refused_until_the_user_decides(name):
     with pytest.raises(InputError, match=r"--unit.*--sensor"):
         assigned(name)

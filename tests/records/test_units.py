@@ -78,7 +78,8 @@ def test_anything_else_is_not(text):
         ("acc m/s²", "m/s²", 1.0), ("acc m / s^2", "m / s^2", 1.0), ("acc m s-2", "m s-2", 1.0),
         ("Beschleunigung a / m/s²", "m/s²", 1.0), ("a in m/s^2", "m/s^2", 1.0),
         ("acc at 250 mm [g]", "g", 9.80665), ("marker_12_mm", "mm", 1e-3), ("x1 mm", "mm", 1e-3), ("Ch 1 V", "V", 1.0),
-        ("Ch 3 µm/m", "µm/m", 1e-6), ("Velocity 1 m/s", "m/s", 1.0),
+        ("Ch 3 µm/m", "µm/m", 1e-6), ("Weg 1 mm", "mm", 1e-3), ("Force 1 N", "N", 1.0), ("Acc 2 g", "g", 9.80665),
+        ("Velocity 1 m/s", "m/s", 1.0),
         ("ch100_mm", "mm", 1e-3), ("Winkel [Grad]", "Grad", np.pi / 180), ("Phase Grad", "Grad", np.pi / 180),
     ],
 )  # fmt: skip
@@ -99,7 +100,7 @@ def test_a_name_carries_its_unit(name, symbol, factor):
         ("x_mm_y_mm", "mm_y_mm"), ("acc [m/s^3", "[m/s^3"), ("a m/s s", "m/s s"),
         ("winkel_grad", "grad"), ("Winkel [grad]", "grad"),
         ("acc at 250 mm", "250 mm"), ("v laser @ 400 mm", "400 mm"), ("Force at 0.4 m", "4 m"), ("x, 20 g", "20 g"),
-        ("tip mass 5 g", "5 g"), ("pos_250_mm_acc", "250_mm"), ("x_0.4_m", "4_m"), ("x at 250 mm, mm", "250 mm, mm"),
+        ("x at 5 mm", "5 mm"), ("pos_250_mm_acc", "250_mm"), ("x_0.4_m", "4_m"), ("x at 250 mm, mm", "250 mm, mm"),
     ],
 )  # fmt: skip
 def test_a_unit_that_is_not_certain_is_kept_as_text(name, symbol):

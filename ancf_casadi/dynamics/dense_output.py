@@ -340,7 +340,7 @@ class DenseMotion(MotionSource):
 
     def tip_load(self, times: Array) -> Array:
         """Return the load, see ``MotionSource``."""
-        return np.zeros((times.size, 3)) if self.load is None else self.load.values(times)
+        return self._excitation(times, EXCITATION)[:, 3 * NODE : 3 * NODE + 3]
 
     def energies(self, times: Array) -> Array:
         """Return the energies, see ``MotionSource``."""

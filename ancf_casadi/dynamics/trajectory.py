@@ -399,8 +399,9 @@ class Trajectory(Motion):
 
     @property
     def balance_error(self) -> Array:
-        """Error of the energy balance, (k,), J; 0 for an exact solution."""
-        return np.asarray(self.energy - self.energy[0] - self.base_work - self.load_work + self.dissipated_energy)
+        """Error of the energy balance since the first instant, (k,), J; 0 for an exact solution."""
+        supplied = self.base_work + self.load_work - self.dissipated_energy
+        return np.asarray((self.energy - self.energy[:1]) - (supplied - supplied[:1]))
 
     def tables(self) -> tuple[Table, ...]:
         """Return the table of the tip, and that of the energies."""

@@ -171,7 +171,13 @@ def simulate_reduced(
     began = time.perf_counter()
     check_instance(reduced, "reduced", ReducedModel)
     setup = set_up(
-        reduced.model, duration=duration, damping=None, base=base, load=None, sample_rate=sample_rate, start=start
+        reduced.model,
+        duration=duration,
+        damping=reduced.law,
+        base=base,
+        load=None,
+        sample_rate=sample_rate,
+        start=start,
     )
     state, instants, length = setup.start, setup.times, float(np.ptp(setup.times))
     per_second = float(reduced.modes.frequencies[-1]) * positive(steps_per_period, "steps_per_period")

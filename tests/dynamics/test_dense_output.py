@@ -16,6 +16,7 @@ from ancf_casadi import (
     PointLoad,
     RayleighDamping,
     Roller,
+    SampledLoad,
     periodic_motion,
     simulate,
     static_equilibrium,
@@ -52,6 +53,14 @@ def test_a_run_can_be_read_at_any_instants_in_any_order(swing):
     assert abs(finer.at(times).tip - swing.at(times).tip).max() < 5e-6
     force = finer.at(times).axial_force(0.2)
     assert np.sqrt(np.mean((swing.at(times).axial_force(0.2) - force) ** 2)) < 2e-3 * abs(force).max()
+
+
+def test_a_reading_does_not_depend_on_the_other_instants(swing):
+    assert abs(swing.at([0.7, 1.3, 0.2]).balance_error).max() < 1e-3 * swing.kinetic_energy.max()
+    assert swing.at([]).balance_error.shape == (0,)
+    jump = SampledLoad([0.0, 0.1], [[0.1, 0.0], [0.1, 0.0]])
+    pulled = simulate(strip(), load=jump, duration=0.2)
+    np.testing.assert_array_equal(pulled.at([0.1]).tip_load, pulled.tip_load[[100]])
 
 
 @pytest.mark.parametrize("times", [[-0.1], [2.1], [np.nan], "now", [[0.1, 0.2]]])

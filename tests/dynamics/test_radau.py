@@ -93,6 +93,7 @@ def test_samples_do_not_change_the_steps():
 
 
 @pytest.mark.filterwarnings("ignore:the frequency of mode")
+@pytest.mark.filterwarnings("ignore:the modes of ModalDamping are")
 def test_functions_serve_all_numbers_of_a_law_and_a_beam_but_no_other_law_mesh_axis_or_support():
     beam = Beam.uniform(**BEAM, elements=2)
     modes = natural_modes(Model(beam), count=2)

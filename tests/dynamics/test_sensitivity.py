@@ -18,6 +18,8 @@ from ancf_casadi import (
     Pin,
     QuadraticDamping,
     RayleighDamping,
+    SampledLoad,
+    Spring,
     motion,
     natural_modes,
     simulate,
@@ -145,6 +147,17 @@ def test_the_derivative_by_an_amplitude_that_grows_is_that_of_differences(model)
     differences = (above[0] - below[0]) / (2e-3 * BASE.amplitude)
     assert abs(slopes).max() > 0.1
     np.testing.assert_allclose(slopes, differences, atol=1e-5 * abs(slopes).max())
+
+
+def test_a_load_between_two_samples_has_exact_derivatives(model):
+    blow, alpha = SampledLoad([0.061, 0.063, 0.065], [[0.0, 0.0], [0.1, 0.0], [0.0, 0.0]]), cs.MX.sym("alpha")
+    settings = {**SETTINGS, "sample_rate": 25.0, "tolerance": 1e-10}
+    function = motion(model, damping=RayleighDamping(alpha=0.6), load=blow, **settings)
+    tip = function(alpha, np.zeros(0), model.properties)[-4, :]
+    exact = cs.Function("exact", [alpha], [tip, cs.jacobian(tip, alpha)])
+    above, (_, slopes), below = ([part.full().ravel() for part in exact(0.6 * factor)] for factor in (1.01, 1.0, 0.99))
+    assert abs(slopes).max() > 1e-5
+    np.testing.assert_allclose(slopes, (above[0] - below[0]) / 0.012, atol=1e-3 * abs(slopes).max())
 
 
 def test_values_without_a_motion_give_nan_and_a_warning(model):
@@ -392,6 +405,14 @@ def test_the_first_accelerations_after_a_release_are_those_of_the_changed_tip_ma
     assert abs(expected).max() > 0.1
     found = problem.forward(runs[1], direction)[0, 2, :, 0]
     np.testing.assert_allclose(found, expected, atol=1e-5 * abs(expected).max())
+
+
+def test_the_curvature_of_a_beam_on_springs_is_no_input(model):
+    """Springs are free of force where the beam is without load, and would move with the curvature."""
+    spring = Spring(0.1, stiffness=(1.0, 0.0))
+    bent = Model(model.beam.with_(natural_curvature=2.0, attachments=[spring]))
+    with pytest.raises(InputError, match="natural_curvature: cannot be estimated"):
+        motion(bent, duration=0.1, lumped=True)
 
 
 def test_lumped_properties_that_a_beam_cannot_have_are_refused(model):

@@ -259,6 +259,13 @@ def test_motion_on_a_base_that_stops_converges_to_that_of_the_full_beam_with_the
     assert errors[2] < errors[1] < errors[0] / 4
 
 
+def test_a_beam_at_rest_in_a_flow_stays_there(hanging):
+    law = QuadraticDamping(0.2, 0.5, flow=(1.5, 0.0))
+    run = simulate_reduced(reduce_model(hanging, modes=3, damping=law), duration=0.5)
+    assert np.ptp(run.tip, axis=0).max() < 1e-4 * abs(run.tip[0, 0])
+    assert run.tip[0, 0] == pytest.approx(simulate(hanging, damping=law, duration=0.01).tip[0, 0], rel=1e-3)
+
+
 def test_a_piece_of_the_base_motion_may_lie_between_two_samples():
     class TwoStops(BaseMotion):
         def pieces(self):

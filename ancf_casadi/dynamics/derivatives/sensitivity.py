@@ -66,7 +66,7 @@ from ancf_casadi.dynamics.start import (
 from ancf_casadi.dynamics.tip_load import TipLoad
 from ancf_casadi.exceptions import InputError, SimulationError
 from ancf_casadi.mechanics.loads import PointLoad
-from ancf_casadi.mechanics.model import Model, model_with_properties
+from ancf_casadi.mechanics.model import Model, check_curvature, model_with_properties
 from ancf_casadi.mechanics.nodes import NODE
 from ancf_casadi.mechanics.state import State
 from ancf_casadi.support.arrays import Array, Index, Layout
@@ -108,6 +108,8 @@ class SensitivityProblem:
             raise InputError(
                 "the beam has no mass, spring, dashpot, elastic clamp, natural curvature or prestress", "lumped"
             )
+        if self.lumped and "natural_curvature" in self.equations.model.lumped:
+            check_curvature(self.equations.model.beam)
 
     @cached_property
     def layout(self) -> Layout:

@@ -162,7 +162,8 @@ def sample_motion(
         first = np.stack([steps.q[used], steps.v[used], steps.a[used]], axis=1)
         last = end_maps(steps.lengths[used]) @ np.concatenate([first[:, :2], steps.increments[used]], axis=1)
         ends = np.concatenate([first, last], axis=1) @ of_free.T
-        base = passage.excitation.derivatives(times[inside]).reshape(inside.size, -1, NODE)[:, : weights.shape[1]]
+        node = passage.excitation.derivatives(times[inside]).reshape(-1, 4, NODE)  # a piece may hold no sample
+        base = node[:, : weights.shape[1]]
         result[inside] = weights[inside] @ ends[owner] + base @ of_base.T
     return result
 

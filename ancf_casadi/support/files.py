@@ -138,7 +138,7 @@ def read_toml(path: str | Path) -> dict[str, Any]:
     if DOTTED_KEY.search(content):
         raise InputError(f"has a key of more than {MAX_KEY_PARTS} parts", str(path))
     try:
-        return tomllib.loads(content.decode())
+        return tomllib.loads(content.decode("utf-8-sig"))
     except RecursionError:
         raise InputError("is not TOML (tables or lists are nested too deeply)", str(path)) from None
     except ValueError as error:  # invalid TOML or UTF-8, or a number with thousands of digits
@@ -177,7 +177,7 @@ def read_json(path: str | Path) -> dict[str, Any]:
     """Read a JSON file that holds an object within the limits."""
     content = read_bytes(path)
     try:
-        value = json.loads(content.decode(), object_pairs_hook=_object, parse_constant=_refuse_constant)
+        value = json.loads(content.decode("utf-8-sig"), object_pairs_hook=_object, parse_constant=_refuse_constant)
     except RecursionError:
         raise InputError(f"has more than {MAX_LEVELS} levels", str(path)) from None
     except ValueError as error:  # invalid JSON or UTF-8, or a number with thousands of digits

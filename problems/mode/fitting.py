@@ -159,11 +159,13 @@ def fit_mode(
     return ModeFit(solution.fit, solution, model, requested, laws, smallest, largest, notes, again=refit)
 
 
+def _is_vector(values: Any) -> bool:
+    return is_sequence(values) and not is_sequence(next(iter(values), None))
+
+
 def _sort_records(records: Any) -> tuple[list[Measurement], list[ResponseRecord]]:
     """Return the decays and the response curves."""
-    is_pair = (
-        isinstance(records, tuple) and len(records) == 2 and not isinstance(records[0], Measurement | ResponseRecord)
-    )
+    is_pair = is_sequence(records) and len(records) == 2 and all(map(_is_vector, records))
     items = [records] if is_pair or not is_sequence(records) else list(records)
     decays: list[Measurement] = []
     curves: list[ResponseRecord] = []

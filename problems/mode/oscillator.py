@@ -61,7 +61,7 @@ from problems.decay.laws import DAMPING_TERMS, DecayModel, evaluate
 from problems.decay.solution import simpler_models, smooth_values
 from problems.decay.starting_values import DAMPING_STARTS, FREQUENCY_STARTS
 
-POINTS_CLOSE_ENOUGH = 1e-3  # the same, where rounding keeps further steps from shrinking
+POINTS_CLOSE_ENOUGH = 1e-3  # step, in standard deviations, that is small enough if rounding keeps it from shrinking
 MOST_HALVINGS = 20
 NO_INCREASE = 1e-9  # increase of a squared distance that counts as none, relative and absolute
 LEAST_RATIO = 1e-5  # least damping ratio of a start, for the scales of the unknowns
@@ -217,7 +217,7 @@ def _regression(
     """Return the misfit and the values for given exponents and corners."""
     omega, A, g = map(np.concatenate, zip(*groups.values(), strict=True))
     middle, changes = float(np.median(omega)), model.unit_changes(A, *frequency_shape)
-    undamped, damping_names = len(changes), DAMPING_TERMS[model.law]
+    frequency_count, damping_names = len(changes), DAMPING_TERMS[model.law]
     rates = model.term_rates(A, middle, *damping_shape)
     columns = [np.ones(len(A)), *changes, *(2j * rate * omega for rate in rates)]
     target = omega**2 + (given_constant or 0.0) * g
@@ -228,14 +228,14 @@ def _regression(
     matrix, target = np.vstack([matrix.real, matrix.imag]), np.concatenate([target.real, target.imag])
     size = np.linalg.norm(matrix, axis=0)
     lower = np.zeros(len(columns))
-    lower[1 : 1 + undamped] = -np.inf
+    lower[1 : 1 + frequency_count] = -np.inf
     solution = lsq_linear(matrix / size, target, (lower, np.full(len(columns), np.inf)))
     x = solution.x / size
     square = max(float(x[0]), 1e-6 * middle**2)
-    slopes = x[1 : 1 + undamped] / (2 * square)
+    slopes = x[1 : 1 + frequency_count] / (2 * square)
     values = {"omega": math.sqrt(square)}
     values |= dict(zip(model.frequency_terms, (*slopes.tolist(), *frequency_shape), strict=True))
-    values |= dict(zip(damping_names, x[1 + undamped :].tolist(), strict=False))
+    values |= dict(zip(damping_names, x[1 + frequency_count :].tolist(), strict=False))
     values |= dict(zip(("exponent",), damping_shape, strict=False))
     if given_constant is None:
         values |= dict(zip(groups, x[-len(groups) :].tolist(), strict=True))

@@ -29,7 +29,7 @@ class EditedStudy:
     @classmethod
     def of(cls, path: str) -> EditedStudy:
         """Read a study; one table [damping] becomes the first of several."""
-        study = cls(StudyFile.of(path, required=set()), read_bytes(path).decode())
+        study = cls(StudyFile.of(path, required=set()), read_bytes(path).decode("utf-8-sig"))
         if not isinstance(study.value(("damping",)), dict):
             return study
         document: Any = tomlkit.parse(study.text)

@@ -52,6 +52,18 @@ def test_mean_and_interval_stay_within_the_bounds():
     assert Agreement("x", "", np.array([0.9, 1.0]), np.array([0.1, 0.1]), upper=1.0).interval[1] == 1.0
 
 
+@pytest.mark.parametrize(("errors", "decisive"), [((0.3, 1.0), 0), ((1.0, 1.0, 0.2), 2), ((0.5, 1.0), None)])
+def test_a_record_that_decides_alone_is_named(errors, decisive):
+    agreement = Agreement("x", "", np.zeros(len(errors)), np.array(errors))
+    assert agreement.decisive == decisive
+    assert ("hardly test it" in agreement.text()) == (decisive is not None)
+
+
+def test_values_that_differ_by_rounding_alone_have_a_scatter():
+    values = np.array([0.01, np.nextafter(0.01, 1.0)])
+    assert Agreement("x", "", values, np.full(2, 1e-20)).scatter < 1e-17
+
+
 def test_records_hardly_agree_between_one_and_five_per_cent():
     """Two estimates that differ by 1.5, 2.2 and 3 standard errors of their difference."""
     for distance, verdict, warns in ((1.5, "agree", False), (2.2, "hardly agree", False), (3.0, "do not agree", True)):

@@ -10,7 +10,7 @@ from ancf_casadi import read_recording
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.export import DataFile, load_functions, read_document
 from ancf_casadi.mechanics.beam import Beam
-from ancf_casadi.support.files import check_file, check_folder, open_file, read_toml
+from ancf_casadi.support.files import check_file, check_folder, open_file, read_json, read_toml
 
 READERS = (read_recording, Beam.from_toml, read_document, load_functions, DataFile.of)
 
@@ -81,3 +81,10 @@ def test_many_points_that_are_no_key_are_read(tmp_path):
         f'# {"." * 100}\na.b.c.d = {numbers}\ntext = "{"A sentence. " * 100}{"." * 100}"\n'
     )
     assert read_toml(tmp_path / "a.toml")["a"]["b"]["c"]["d"] == numbers
+
+
+@pytest.mark.parametrize(("read", "text"), [(read_toml, "a = 1"), (read_json, '{"a": 1}')])
+def test_a_byte_order_mark_is_no_content(tmp_path, read, text):
+    path = tmp_path / "marked"
+    path.write_text("\ufeff" + text, encoding="utf-8")
+    assert read(path) == {"a": 1}

@@ -77,14 +77,14 @@ def motion(
         Largest number of steps.  The default is below that of ``simulate``, because all steps are kept in memory, 4 kB
         each at 20 elements.
     lumped : bool
-        Whether the Function has a further input, ``lumped``, before ``start``: the mass at the tip (kg), if that of the
-        beam is above 0, and the torsional stiffness of the clamp (N m/rad), if that of the beam is finite.
+        Whether the Function has a further input, ``lumped``, before ``start``: the lumped properties of the beam, SI
+        units, in the order of ``Model.lumped``.
 
     Raises
     ------
     InputError
         If a number is not positive, ``start_load`` is set and ``start`` is not an equilibrium, or ``lumped`` is set and
-        the beam has neither a tip mass nor an elastic clamp.
+        the beam has no lumped property, or a natural curvature beside springs.
 
     Examples
     --------

@@ -143,15 +143,15 @@ class StepControl(NamedTuple):
             trend = h / self.length * (self.error / max(error, LEAST_ERROR) ** 2) ** (1 / ERROR_ORDER)
             growth = min(growth, max(SAFETY * trend, GROWTH[0]), self.largest_growth)
         growth = min(growth, largest_step / h)
-        with_new = self.contraction if self.keeps_matrices(h) else contraction
-        keep = contraction <= max(STEADY, min(STALE * with_new, SLOW)) and KEEP[0] <= growth < KEEP[1]
+        contraction_when_new = self.contraction if self.keeps_matrices(h) else contraction
+        keep = contraction <= max(STEADY, min(STALE * contraction_when_new, SLOW)) and KEEP[0] <= growth < KEEP[1]
         return StepControl(
             proposal=h if keep else h * growth,
             keep=keep,
             largest_growth=min(self.largest_growth * RECOVERY, GROWTH[1]),
             length=h,
             error=max(error, LEAST_TREND),
-            contraction=with_new,
+            contraction=contraction_when_new,
         )
 
 

@@ -128,6 +128,8 @@ def track_video(
     rate = None if sample_rate is None else physical(sample_rate, "sample_rate")
     interval = not_negative(begin, "begin"), positive_or_infinite(end, "end")
     picture = None if preview is None else check_file(preview)
+    if picture and picture.suffix.lower() != ".png":
+        raise InputError("must end in .png", str(picture))
     flag(progress, "progress")
     times: list[float] = []
     with open_video(path) as video, error_prefix(str(path)), counter("track", shown=progress):

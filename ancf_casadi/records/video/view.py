@@ -32,7 +32,9 @@ class View:
                 continue
             arguments[name] = numbers(value, name)
             if len(arguments[name]) not in sizes[name]:
-                raise InputError(f"must be {sizes[name][0]} numbers, got {len(arguments[name])}", name)
+                raise InputError(
+                    f"must be {' or '.join(map(str, sizes[name]))} numbers, got {len(arguments[name])}", name
+                )
             if name in ("ruler", "vertical") and arguments[name][:2] == arguments[name][2:4]:
                 raise InputError("its two points must differ", name)
         if "ruler" in arguments:

@@ -191,6 +191,14 @@ def test_a_decay_and_a_resonance_together_have_smaller_errors_than_either():
     assert {agreement.name for agreement in joint.agreements} >= {"frequency_at_zero", "damping_ratio"}
 
 
+@pytest.mark.parametrize("gather", [tuple, list])
+def test_a_pair_of_vectors_is_one_decay_and_a_pair_of_pairs_two(gather):
+    time = np.linspace(0.0, 5.0, 501)
+    pair = gather([time, 0.01 * np.exp(-0.1 * time) * np.cos(12.0 * time)])
+    assert "amplitude_2" not in fit_mode(pair).estimates
+    assert "amplitude_2" in fit_mode(gather([pair, pair])).estimates
+
+
 @pytest.mark.slow
 def test_amplitudes_without_phases_are_enough():
     _, laws = CASES["micro-slip"]

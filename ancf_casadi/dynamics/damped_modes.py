@@ -32,6 +32,7 @@ V. V. Bolotin, Nonconservative Problems of the Theory of Elastic Stability, Perg
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from types import NoneType
@@ -66,6 +67,7 @@ MODULUS_STEPS = 10  # in which the moduli of Maxwell branches grow from 0, so th
 MOST_ITERATIONS = 30  # of the inverse iteration in each of these steps
 CONVERGED = 1e-6  # relative change of the eigenvalue in the last iteration; the error is about the square of this
 GROWING = 1e-7  # real part of a growing mode, relative to |s|; rounding leaves 1e-12, or 1e-6 where two modes meet
+NARROW = 1e-4  # relative difference of two factors below which an equilibrium is the mean of those at both
 
 
 @dataclass(frozen=True)
@@ -273,14 +275,15 @@ def critical_load(
 ) -> CriticalLoad | None:
     """Return the smallest factor on some loads at which the equilibrium under them and gravity is unstable.
 
-    The factor grows from 0 in equal steps, and is then narrowed down to nine digits; None if all are stable.
+    Supports, gravity and the flow of the law act first.  The factor then grows from 0 in equal steps, and is narrowed
+    down to nine digits; None if all are stable.
 
     Parameters
     ----------
     model : Model
         The beam.
     loads : sequence of PointLoad or LineLoad
-        The loads, which grow together; gravity and the flow of the law do not.
+        The loads, which grow together.
     damping : DampingLaw, optional
         The damping law; none if not given.
     largest_factor : float
@@ -315,23 +318,30 @@ def critical_load(
     largest, steps = positive(largest_factor, "largest_factor"), whole(steps, "steps", 1)
     flow = () if damping is None else damping.loads(model.beam)
 
-    def at(factor: float) -> DampedModes:
-        bent = primary_equilibrium(model, [*flow, *(load.scaled(factor) for load in acting)])
-        return damped_modes(model, damping, count=min(4, model.freedoms // 2), equilibrium=bent)
+    def loads_at(factor: float) -> list[Load]:
+        return [*flow, *(load.scaled(factor) for load in acting)]
 
-    stable = 0.0
+    def modes_about(equilibrium: Equilibrium) -> DampedModes:
+        return damped_modes(model, damping, count=min(4, model.freedoms // 2), equilibrium=equilibrium)
+
+    stable, rest = 0.0, primary_equilibrium(model, flow)
     for unstable in np.linspace(0.0, largest, steps + 1).tolist():
-        modes = at(unstable)
+        modes = modes_about(primary_equilibrium(model, loads_at(unstable), rest))
         if not modes.is_stable:
             break
-        stable = unstable
+        stable, rest = unstable, modes.equilibrium
     else:
         return None
     while unstable - stable > 1e-9 * unstable:
         middle = (stable + unstable) / 2
-        modes_between = at(middle)
+        if unstable - stable > NARROW * unstable:
+            between = primary_equilibrium(model, loads_at(middle), rest)
+        else:
+            coordinates = (rest.coordinates + modes.equilibrium.coordinates) / 2
+            between = Equilibrium(model, coordinates, loads=tuple(loads_at(middle)))
+        modes_between = modes_about(between)
         if modes_between.is_stable:
-            stable = middle
+            stable, rest = middle, between
         else:
             unstable, modes = middle, modes_between
     growing = modes.eigenvalues[modes.eigenvalues.real.argmax()]
@@ -390,7 +400,9 @@ def _inverse(equilibrium: Equilibrium, law: DampingLaw) -> tuple[Callable[[Array
     _, resistance, d, _ = damping_at_rest(model, law)(equilibrium.coordinates)
     local, B = scipy.sparse.csc_array(resistance.sparse()), model.of_free(law.projection(model))
     coefficients = d.full().ravel()
-    M, N, sigma = sparse(mass).tocsr(), model.freedoms, float(np.sqrt(eigenvalue_shift(model, stiffness, mass)))
+    beam, M, N = model.beam, sparse(mass).tocsr(), model.freedoms
+    bending = float(beam.bending_stiffness.mean()) / (beam.mass * beam.length**3)  # about (w_1/3.5)^2 of a cantilever
+    sigma = math.sqrt(max(eigenvalue_shift(model, stiffness, mass), bending))
 
     def damping_force(x: Array) -> Array:
         return np.asarray(local @ x + (B * coefficients) @ (B.T @ x))

@@ -232,13 +232,9 @@ class Nodes(Displayed):
         moved = turn * turning + cs.vertcat(velocity[:2], 0.0, 0.0)
         return cs.Function("rigid_motion", [e, velocity], [cs.vec(moved)])
 
-    @cached_property
-    def displacement(self) -> Array:
-        """The way of each coordinate from its place without load to that at which a support holds it, (size,)."""
-        base = np.array([0.0, 0.0, *self.beam.axis])
-        return np.asarray(
-            self.whole_of_base @ base - (self.straight - self.with_fixed_base(self.of_free(self.straight)))
-        )
+    def way_to_supports(self, e: Array) -> Array:
+        """Return the way of each coordinate to the place at which a support holds it, 0 for a free one, (size,)."""
+        return self.whole(self.of_free(e), np.array([0.0, 0.0, *self.beam.axis])) - e
 
     @cached_property
     def is_held(self) -> bool:

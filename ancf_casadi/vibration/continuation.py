@@ -61,7 +61,7 @@ class ProportionalLoading:
         """The forces that grow with the factor, whatever the shape of the beam, (N,), N."""
         if not self.with_weight:
             return 0.0
-        return -Structure.of(self.model).linearisation(Position.of(self.model.straight))[0]
+        return -Structure.of(self.model_at(0.0)).linearisation(Position.of(self.model.straight))[0]
 
     @cached_property
     def moves(self) -> bool:

@@ -65,6 +65,12 @@ def lowest_modes(structure: Structure, at: Position, count: int) -> tuple[Array,
     return eigenvalues[order], structure.model.with_fixed_base(vectors[:, order])
 
 
+def moves_freely(structure: Structure, at: Position) -> bool:
+    """Return whether neither supports nor springs resist some rigid motion of a beam in equilibrium."""
+    modes = None if structure.model.is_held else lowest_modes(structure, at, 1)
+    return modes is not None and not modes[0].any()
+
+
 def is_definite(banded: Array) -> bool:
     """Return whether a symmetric matrix stored by diagonals has only positive pivots, so only positive eigenvalues."""
     try:

@@ -41,7 +41,7 @@ from ancf_casadi.vibration.continuation import (
     longest_step,
     null_shape,
 )
-from ancf_casadi.vibration.eigensolver import lowest_modes
+from ancf_casadi.vibration.eigensolver import moves_freely
 from ancf_casadi.vibration.equilibrium import Equilibrium
 from ancf_casadi.vibration.statics import static_equilibrium
 
@@ -311,8 +311,7 @@ def _beginning(loading: ProportionalLoading) -> tuple[PathPoint, Array, float]:
     point = loading.point(0.0, static_equilibrium(loading.model_at(0.0)))
     if not point.rate.any():
         raise InputError("act on supports alone, so the factor does not change the equilibrium", "loads")
-    lowest_mode = None if loading.model.is_held else lowest_modes(point.structure, point.at, 1)
-    if lowest_mode is not None and not lowest_mode[0].any():
+    if moves_freely(point.structure, point.at):
         raise EquilibriumError("the beam moves without resistance; hold it by supports or springs")
     tangent = point.tangent(np.append(np.zeros(point.q.size), 1.0))
     return point, tangent, longest_step(tangent)

@@ -35,7 +35,8 @@ from ancf_casadi.vibration.continuation import (
     longest_step,
     null_shape,
 )
-from ancf_casadi.vibration.equilibrium import Equilibrium, neighbouring_equilibrium
+from ancf_casadi.vibration.eigensolver import moves_freely
+from ancf_casadi.vibration.equilibrium import MAX_ROTATION, Equilibrium, neighbouring_equilibrium
 
 MAX_PATH_STEPS = 500  # along the path to a stable equilibrium; buckled, slack and hanging strips take 10 to 150
 
@@ -122,33 +123,49 @@ def stable_position(model: Model, loads: tuple[Load, ...], *, side: int) -> Posi
     return position
 
 
-def primary_equilibrium(model: Model, loads: Sequence[Load]) -> Equilibrium:
-    """Return the equilibrium under loads on the path from the straight beam, stable or not; branches are not taken."""
+def primary_equilibrium(model: Model, loads: Sequence[Load], start: Equilibrium | None = None) -> Equilibrium:
+    """Return the equilibrium under loads on the primary path, stable or not; branches are not taken.
+
+    The path begins with the straight beam, and supports and gravity grow with the loads; or at another equilibrium of
+    the model, and the loads alone change.
+    """
     loading = ProportionalLoading(model, tuple(loads), with_weight=True)
-    at, factor = _follow_load(loading, stable=False)
+    at, factor = _follow_load(loading, stable=False, start=start)
     if factor < 1.0:
         raise _no_equilibrium(loading, factor)
     return Equilibrium(model, at.coordinates, remainder=at.remainder, loads=loading.loads)
 
 
-def _follow_load(loading: ProportionalLoading, *, stable: bool) -> tuple[Position, float]:
-    """Return the last equilibrium, or the last stable one, up to the full load in steps of the load, and its factor."""
-    model, position, factor, step, trials = loading.model, Position.of(loading.model.straight), 0.0, 1.0, 0
-    support_motion = model.displacement if model.displacement.any() else None
+def _follow_load(
+    loading: ProportionalLoading, *, stable: bool, start: Equilibrium | None = None
+) -> tuple[Position, float]:
+    """Return the last equilibrium, or the last stable one, up to the full load in steps of the load, and its factor.
+
+    The path begins as that of ``primary_equilibrium``.
+    """
+    position = Position.of(loading.model.straight) if start is None else start.exact
+    angle = max((abs(support.angle) for support in loading.model.beam.supports), default=0.0)
+    factor, trials, longest = 0.0, 0, 1.0 if start else MAX_ROTATION / max(angle, MAX_ROTATION)
+    step = longest
     # a path that needs smaller steps of the load factor, or more of them, is close to a critical point
     while factor < 1.0 and step >= 1e-5 and trials < 500:
         trials += 1
         s = min(factor + step, 1.0)
         loads = tuple(load.scaled(s) for load in loading.loads)
-        motion = None if support_motion is None else (s - factor) * support_motion
-        trial = neighbouring_equilibrium(Structure.of(model, loads), position, (1.0 - s) * loading.weight, motion)
+        if start is None:
+            model, relief = loading.model_at(s), (1.0 - s) * loading.weight
+            motion = model.way_to_supports(position.coordinates) if loading.moves else None
+        else:
+            model, relief, motion = loading.model, 0.0, None
+            loads += tuple(load.scaled(1.0 - s) for load in start.all_loads)
+        trial = neighbouring_equilibrium(Structure.of(model, loads), position, relief, motion)
         if trial is None:
             step /= 2
             continue
         if stable and not Equilibrium(model, trial.coordinates, remainder=trial.remainder, loads=loads).stable:
             break
         position, factor = trial, s
-        step *= 2
+        step = min(2 * step, longest)
     return position, factor
 
 
@@ -197,7 +214,7 @@ def _no_equilibrium(loading: ProportionalLoading, factor: float, *, snaps: bool 
         ". Either an element bends by more than half a radian, which a cubic cannot follow (use more elements), or the "
         "beam buckles, or a value is in the wrong unit"
     )
-    if not loading.model.is_held:
+    if moves_freely(Structure.of(loading.model_at(0.0)), Position.of(loading.model.straight)):
         advice = (
             ": the supports do not hold the beam against rigid motions. Hold it, turn it to where it hangs, or "
             "simulate its motion from start='straight'"

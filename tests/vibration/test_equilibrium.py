@@ -1,3 +1,4 @@
+import math
 import re
 
 import numpy as np
@@ -5,6 +6,7 @@ import pytest
 
 from ancf_casadi import (
     Beam,
+    Clamp,
     EquilibriumError,
     InputError,
     ModalDamping,
@@ -162,6 +164,31 @@ def test_rotating_beam_gravity_and_loads_rotates_the_equilibrium(paper_beam):
         tip_moment=2e-3,
     )
     np.testing.assert_allclose(second.tip, turn @ first.tip, atol=1e-9)
+
+
+@pytest.mark.parametrize("rotation", [0.5, 2.0, -3.14159, math.pi, 6.0])
+@pytest.mark.parametrize("stiffness", [math.inf, 5.0])
+def test_a_weightless_beam_turns_with_its_clamp(weightless, rotation, stiffness):
+    straight, turned = (
+        Model(weightless.beam.with_(supports=[Clamp(stiffness=stiffness, rotation=angle)])) for angle in (0.0, rotation)
+    )
+    tip = 0.5 * np.array([math.cos(rotation), math.sin(rotation)])
+    np.testing.assert_allclose(static_equilibrium(turned).tip, tip, atol=1e-9)
+    frequencies = [natural_modes(model, count=2).frequencies for model in (straight, turned)]
+    np.testing.assert_allclose(*frequencies, rtol=1e-6)
+
+
+def test_a_clamp_that_turns_once_around_does_not_leave_a_strip_between_two_clamps_straight(weightless):
+    """It snaps on the way, although both slopes then have the directions of the straight strip."""
+    beam = weightless.beam.with_(supports=[Clamp(0.0, rotation=2 * math.pi), Clamp(0.5)])
+    with pytest.raises(EquilibriumError, match="no static equilibrium"):
+        primary_equilibrium(Model(beam), ())
+
+
+def test_a_beam_held_by_the_spring_of_its_clamp_is_not_said_to_move_freely(paper_beam):
+    beam = paper_beam(2, axis=(1.0, 0.0), gravity=(0.0, 0.0), clamp_stiffness=5.0)
+    with pytest.raises(EquilibriumError, match="more elements"):
+        static_equilibrium(Model(beam), tip_moment=1.0)
 
 
 @pytest.mark.parametrize(("factor", "stable"), [(0.99, True), (1.01, False)])

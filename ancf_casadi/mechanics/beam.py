@@ -346,6 +346,15 @@ class Beam(Displayed):
         return properties | {name: max(getattr(self, name), key=abs) for name in INITIAL if getattr(self, name)}
 
     @property
+    def across(self) -> tuple[float, float]:
+        """Unit vector across the beam at its beginning, to its left: its axis as a support there turns it, turned by a
+        right angle.
+        """
+        angle = sum(support.angle for support in self.supports if not support.point)
+        (ax, ay), cosine, sine = self.axis, math.cos(angle), math.sin(angle)
+        return -(sine * ax + cosine * ay), cosine * ax - sine * ay
+
+    @property
     def tip_is_held(self) -> bool:
         """True if a support is at the tip."""
         return any(support.point == self.length for support in self.supports)

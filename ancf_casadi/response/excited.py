@@ -1,7 +1,7 @@
 """A system with its excitation, and the motion of its points.
 
-The displacement of a point of a beam is taken relative to the base unless stated otherwise.  Its direction is across
-the beam, (-a_y, a_x) for the axis a, unless another is given.
+The displacement of a point of a beam is taken relative to the base, in the direction ``Beam.across``, unless stated
+otherwise.
 """
 
 from __future__ import annotations
@@ -110,14 +110,13 @@ class Excited:
         if model is None:
             return q[whole(0 if point is None else point, "point", 0, self.system.size - 1), :]
         interpolation = model.interpolation(self.reference if point is None else point)
-        ax, ay = model.beam.axis
-        unit_direction = np.array(unit_vector((-ay, ax) if direction is None else direction, "direction"))
+        unit_direction = np.array(unit_vector(model.beam.across if direction is None else direction, "direction"))
         if isinstance(self.body, ReducedModel):
             motion = reduced_motion(self.body.projection, q, 0 * q, u[:BASE_SIZE, :], cs.DM(2, 1))
             shape = cs.DM(interpolation[:1, ::2] @ self.body.projection.shape)
             relative_position = cs.vertcat(*(shape @ coordinates for coordinates in motion.parts))
         else:
-            axis = cs.repmat(cs.DM([ax, ay]), 1, q.size2())
+            axis = cs.repmat(cs.DM(model.beam.axis), 1, q.size2())
             relative_position = cs.DM(interpolation) @ model.whole(q, cs.vertcat(u[:2, :], axis)) - u[:2, :]
         position = relative_position if relative else relative_position + u[:2, :]
         return cs.DM(unit_direction).T @ position

@@ -222,8 +222,7 @@ def linear_frf(
     load_points : float or sequence of float, optional
         Arc lengths of the points at which a force acts, m; as ``points`` if not given.
     direction : (float, float), optional
-        Direction of the responses, of any positive length; across the axis of the beam at its clamp if not given, in
-        the direction of x for a hanging beam.
+        Direction of the responses, of any positive length; ``Beam.across`` if not given, that of x for a hanging beam.
     load_direction : (float, float), optional
         Direction of the forces or of the base motion; that of the responses if not given.
     equilibrium : Equilibrium, optional
@@ -255,8 +254,7 @@ def linear_frf(
     base_moves = kind not in FRF_POWERS
     if base_moves and load_points is not None:
         raise InputError(f"has no meaning for a {kind}, in which the base moves", "load_points")
-    axis = model.beam.axis
-    response_direction = unit_vector((-axis[1], axis[0]) if direction is None else direction, "direction")
+    response_direction = unit_vector(model.beam.across if direction is None else direction, "direction")
     input_direction = response_direction if load_direction is None else unit_vector(load_direction, "load_direction")
     law = damping or RayleighDamping()
     arc_lengths = _check_points(model, points, "points"), _check_points(model, load_points, "load_points")

@@ -107,7 +107,7 @@ class PeriodicMotion(Reported):
             Arc length of the point of a beam, m, the tip if not given, or if it is held the point of mode 1 in
             ``Modes.reference_points``; the number of a coordinate, from 0, of another system.
         direction : (float, float), optional
-            Direction; across the beam if not given.
+            Direction; ``Beam.across`` if not given.
         relative : bool
             Whether to take the position relative to the base; otherwise it is that in the laboratory frame.
 

@@ -119,9 +119,7 @@ class MeasuredModes(Displayed):
 
     def observer(self, model: Model) -> Array:
         """Return H, (k, 4 n + 4), from nodal coordinates e to the transverse displacements v = H e of the points."""
-        x, y = model.beam.axis
-        across = np.array([-y, x])
-        rows = [across @ model.interpolation(point) for point in self.points]
+        rows = [model.beam.across @ model.interpolation(point) for point in self.points]
         return np.array(rows).reshape(-1, model.size)
 
     def mac(self, displacements: Array) -> Array:

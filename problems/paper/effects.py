@@ -244,8 +244,7 @@ def crossing(first: Envelope, second: Envelope) -> float:
 
 def _across(modes: Modes) -> Array:
     """Return the unit vector across the beam, in the direction of mode 1 at the tip, (2,)."""
-    x, y = modes.model.beam.axis
-    across = np.array([-y, x])
+    across = np.array(modes.model.beam.across)
     tip = modes.model.interpolation(modes.model.beam.length) @ modes.shapes[:, 0]
     return across * np.sign(across @ tip)
 

@@ -43,8 +43,7 @@ def assumed_deflection(compute: Compute) -> Finding:
 
 def deflections(beam: Beam) -> tuple[Array, Array, Array]:
     """Return places along a beam without gravity, its deflection there under a uniform load, and its mode 1."""
-    x, y = beam.axis
-    across = np.array([-y, x])
+    across = np.array(beam.across)
     weightless = beam.with_(gravity=(0.0, 0.0))
     stiffness = min(np.array(beam.elastic_modulus) * np.array([s.second_moment for s in beam.sections]))
     # deflection of the tip relative to the length

@@ -26,8 +26,7 @@ def shapes(compute: Compute) -> Finding:
 
 def deformed_shapes(compute: Compute, beam: Beam, runs: Sequence[RequestedRun]) -> Finding:
     """Return the extent of the motion of the tip over one period (m), and the shapes, one panel per run."""
-    along = np.array(beam.axis)
-    across = np.array([-along[1], along[0]])
+    along, across = np.array(beam.axis), np.array(beam.across)
     data, panels = [], []
     for run, (result, *_) in zip(runs, run_experiments(compute, beam, runs), strict=True):
         tip = result.shapes[:, -1]

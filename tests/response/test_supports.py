@@ -186,3 +186,20 @@ def test_a_beam_is_its_own_mirror_image_unless_something_is_oblique_or_bent(chan
     signs = system.mirror if symmetric else np.round(model.of_free(across))
     mirrored = balance(*(signs * vector for vector in (q, v, a)), -u, system.values).full().ravel()
     assert np.allclose(mirrored, signs * forces, rtol=1e-9, atol=1e-9 * np.abs(forces).max()) == symmetric
+
+
+@pytest.mark.parametrize("angle", [0.5, np.pi / 2])
+def test_a_turned_clamp_turns_the_direction_in_which_responses_are_read(angle):
+    law, f = RayleighDamping(alpha=0.4), [1.0, 1.6, 3.0]
+    straight, turned = strip(3), strip(3, supports=(Clamp(rotation=angle),))
+    frfs = [linear_frf(model, law, f).values for model in (straight, turned)]
+    np.testing.assert_allclose(frfs[1], frfs[0], rtol=1e-5)
+    motions = [
+        periodic_motion(model, damping=law, base=HarmonicBase(2e-3, 1.6, direction=model.beam.across))
+        for model in (straight, turned)
+    ]
+    amplitudes, phases = ([getattr(motion, name)() for motion in motions] for name in ("amplitude", "phase"))
+    assert amplitudes[1] == pytest.approx(amplitudes[0], rel=1e-6)
+    assert phases[1] == pytest.approx(phases[0], abs=1e-6)
+    curve = backbone(turned, amplitude=0.02, points=2)
+    assert curve.amplitudes[-1] == pytest.approx(0.02, rel=0.5)

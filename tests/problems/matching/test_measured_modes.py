@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from ancf_casadi import Beam, InputError, Model, natural_modes
+from ancf_casadi import Beam, Clamp, InputError, Model, natural_modes
 from ancf_casadi.estimation.solver.unknown import Unknown
 from problems import MeasuredModes, match_frequencies
 from problems.matching.design_space import DesignSpace
@@ -79,6 +79,16 @@ class TestResiduals:
         v = matching.observer @ matching.standard.shapes
         assert measured.mac(-7.0 * v) == pytest.approx(measured.mac(v))
         assert np.diag(measured.mac(v)).min() > 0.95
+
+    @pytest.mark.parametrize("angle", [0.5, np.pi / 2])
+    def test_a_turned_clamp_turns_the_measured_displacements(self, matching, beam, angle):
+        weightless = beam.with_(gravity=(0.0, 0.0))
+        turned = weightless.with_(supports=[Clamp(rotation=angle)])
+        straight_shapes, turned_shapes = (
+            matching.measured.observer(modes.model) @ modes.shapes
+            for modes in (natural_modes(Model(beam), count=2) for beam in (weightless, turned))
+        )
+        assert turned_shapes == pytest.approx(straight_shapes, rel=1e-6)
 
     def test_modes_that_do_not_move_the_points_have_no_mac(self, matching):
         assert matching.measured.mac(np.zeros((4, 2))) == pytest.approx(np.zeros((3, 2)))

@@ -347,9 +347,7 @@ class Beam(Displayed):
 
     @property
     def across(self) -> tuple[float, float]:
-        """Unit vector across the beam at its beginning, to its left: its axis as a support there turns it, turned by a
-        right angle.
-        """
+        """Unit vector across the beam at its beginning, to the left of its axis as a support there turns it."""
         angle = sum(support.angle for support in self.supports if not support.point)
         (ax, ay), cosine, sine = self.axis, math.cos(angle), math.sin(angle)
         return -(sine * ax + cosine * ay), cosine * ax - sine * ay

@@ -133,8 +133,7 @@ class FrfRecord(Displayed):
             raise InputError(f"needs at least {LEAST_LINES} frequencies", "frequencies")
         if (np.diff(f) <= 0.0).any() or f[0] <= 0.0:
             raise InputError("must be positive and increase; leave out the line at 0 Hz", "frequencies")
-        values = complex_array(self.values, "values")
-        values = values[None, None] if values.ndim == 1 else values[:, None] if values.ndim == 2 else values
+        values = _with_inputs(complex_array(self.values, "values"))
         if values.ndim != 3 or not values.size or values.shape[2] != len(f):
             raise InputError(
                 f"must have the shape (outputs, inputs, {len(f)}), got {np.shape(self.values)}; the frequencies come "
@@ -157,14 +156,14 @@ class FrfRecord(Displayed):
         for name in ("coherence", "std"):
             if getattr(self, name) is None:
                 continue
-            quality = array(getattr(self, name), name)
-            if quality.size != self.values.size:
+            quality = _with_inputs(array(getattr(self, name), name))
+            if quality.shape != self.values.shape:
                 raise InputError(f"must have the shape of the values, {self.values.shape}, got {quality.shape}", name)
             if name == "std" and not (quality > 0.0).all():
                 raise InputError("must be positive", name)
             if name == "coherence" and not ((quality >= 0.0) & (quality <= 1.0)).all():
                 raise InputError("must be between 0 and 1", name)
-            object.__setattr__(self, name, quality.reshape(self.values.shape))
+            object.__setattr__(self, name, quality)
 
     @classmethod
     @np.errstate(all="ignore")  # a file may hold any numbers; those that are not finite are refused
@@ -248,6 +247,9 @@ class FrfRecord(Displayed):
         if not any(c is None for c in coherences):
             coherence, coherence_notes = _limit_coherence(np.array(coherences, dtype=float))
             notes += coherence_notes
+        elif bare := [function.channel.label for function in functions if function.coherence is None]:
+            if len(bare) < len(functions):
+                notes.append(f"coherence: left out, because column {bare[0]} has none")
         is_usable = np.isfinite(f) & np.isfinite(values).all(axis=0) & (f != 0.0)
         if not is_usable.all():
             notes.append(f"{int((~is_usable).sum())} lines at 0 Hz or with a gap are left out")
@@ -270,7 +272,7 @@ class FrfRecord(Displayed):
         Raises
         ------
         InputError
-            If there are fewer than two records, or they differ in frequencies, kind, window or shape.
+            If there are fewer than two records, or they differ in frequencies, kind, window, shape or points.
 
         Examples
         --------
@@ -288,12 +290,15 @@ class FrfRecord(Displayed):
         if len(runs) < 2:
             raise InputError("needs at least two", "records")
         _check_alike(runs, slice(None), "shape")
+        if any(run.points != first.points for run in runs):
+            raise InputError("differ in their points", "records")
         values = np.array([run.values for run in runs])
         variance = (np.abs(values - values.mean(axis=0)) ** 2).sum(axis=0) / (len(runs) - 1) / len(runs)
         smooth = moving_mean(variance, SCATTER_LINES)
         if not (smooth > 0.0).all():
             raise InputError("are equal, so their scatter is zero; give one of them", "records")
-        return replace(first, values=values.mean(axis=0), coherence=None, std=np.sqrt(smooth), scatter=None)
+        mean: dict[str, Any] = {"values": values.mean(axis=0), "std": np.sqrt(smooth), "notes": _notes(runs)}
+        return replace(first, coherence=None, scatter=None, **mean)
 
     @classmethod
     def stacked(cls, records: Sequence[FrfRecord]) -> FrfRecord:
@@ -302,7 +307,8 @@ class FrfRecord(Displayed):
         Raises
         ------
         InputError
-            If the records differ in frequencies, kind, window or inputs.
+            If the records differ in frequencies, kind, window or inputs, or some state standard deviations, and the
+            others coherences alone.
 
         Examples
         --------
@@ -316,12 +322,22 @@ class FrfRecord(Displayed):
         stack: tuple[FrfRecord, ...] = instances(records, "records", FrfRecord)
         first = stack[0]
         _check_alike(stack, slice(1, None), "inputs")
-        quality: dict[str, Any] = {}
+        stacked: dict[str, Any] = {}
+        notes = [*_notes(stack)]
         for name in ("values", "coherence", "std", "points"):
             arrays = [getattr(record, name) for record in stack]
-            quality[name] = None if any(a is None for a in arrays) else np.concatenate(arrays)
-        notes = dict.fromkeys(note for record in stack for note in record.notes)
-        return replace(first, scatter=None, notes=tuple(notes), **quality)
+            bare = [k for k, values in enumerate(arrays, start=1) if values is None]
+            stacked[name] = None if bare else np.concatenate(arrays)
+            if 0 < len(bare) < len(stack):
+                notes.append(f"{name}: left out, because record {bare[0]} of {len(stack)} has none")
+        has_weights = [record.std is not None or record.coherence is not None for record in stack]
+        if stacked["std"] is None and stacked["coherence"] is None and all(has_weights):
+            raise InputError(
+                "some have standard deviations, the others only coherences, which give relative weights; give std for "
+                "all, or leave both out: dataclasses.replace(record, coherence=None, std=None)",
+                "records",
+            )
+        return replace(first, scatter=None, notes=tuple(notes), **stacked)
 
     @property
     def unit(self) -> str:
@@ -369,6 +385,16 @@ class FrfRecord(Displayed):
         return f"{self.kind}, {shape}, {len(self.frequencies)} frequencies, {spread(self.frequencies, 'Hz')}"
 
 
+def _with_inputs(values: Any) -> Any:
+    """Return values of one function, (k,), or of one input, (outputs, k), in the shape (outputs, inputs, k)."""
+    return values[None, None] if values.ndim == 1 else values[:, None] if values.ndim == 2 else values
+
+
+def _notes(records: Sequence[FrfRecord]) -> tuple[str, ...]:
+    """Return the notes of all records, equal ones once."""
+    return tuple(dict.fromkeys(note for record in records for note in record.notes))
+
+
 def _limit_coherence(coherence: Array) -> tuple[Array, list[str]]:
     """Convert coherences in percent, clip them to 0 and 1, and return them with notes of these changes."""
     notes = []
@@ -390,10 +416,9 @@ def least_std(values: Array | ComplexArray, axis: int = -1) -> Array:
 
 def moving_mean(values: Array, half: int) -> Array:
     """Return the means over the neighbours on either side along the last axis, fewer at the ends."""
-    sums = np.concatenate([np.zeros_like(values[..., :1]), np.cumsum(values, axis=-1)], axis=-1)
-    k = np.arange(values.shape[-1])
-    low, high = np.maximum(k - half, 0), np.minimum(k + half + 1, len(k))
-    return np.asarray((sums[..., high] - sums[..., low]) / (high - low))
+    window, inside = np.ones(2 * half + 1), slice(half, half + values.shape[-1])
+    sums = np.apply_along_axis(np.convolve, -1, values, window)[..., inside]
+    return np.asarray(sums / np.convolve(np.ones(values.shape[-1]), window)[inside])
 
 
 def convert_to_si(

@@ -159,6 +159,14 @@ def test_what_is_not_clear_is_refused(tmp_path, head, options, message):
         FrfRecord.from_file(table(tmp_path / "a.csv", head, F, H[0].real, H[0].imag), **options)
 
 
+def test_a_coherence_that_one_function_lacks_is_left_out_with_a_note(tmp_path):
+    head = "f_Hz,a real (m/N),a imag (m/N),a coherence,b real (m/N),b imag (m/N)"
+    path = table(tmp_path / "a.csv", head, F, H[0].real, H[0].imag, 0.9 + 0 * F, H[1].real, H[1].imag)
+    record = FrfRecord.from_file(path)
+    assert record.coherence is None
+    assert any("coherence: left out" in note and "b real" in note for note in record.notes)
+
+
 @pytest.mark.parametrize(
     ("coherence", "note"),
     [

@@ -1,8 +1,11 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from ancf_casadi import InputError, RayleighDamping, linear_frf
 from problems import FrfRecord
+from problems.frf.record import moving_mean
 from problems.frf.selection import _interpolate_lines
 
 F = np.linspace(1.0, 3.0, 201)
@@ -55,6 +58,8 @@ def test_repeated_measurements_become_their_mean_and_its_standard_deviation():
         ((F, ONE, "receptance", np.full(201, 1.5)), "coherence: must be between 0 and 1"),
         ((F, ONE, "receptance", None, np.zeros(201)), "std: must be positive"),
         ((F, ONE, "receptance", None, np.ones(200)), "std: must have the shape of the values"),
+        ((F, [ONE, ONE], "receptance", None, np.ones((201, 2))), "std: must have the shape of the values"),
+        ((F, [ONE, ONE], "receptance", np.ones((1, 2, 201))), "coherence: must have the shape of the values"),
         ((F, ONE, "receptance", None, None, [0.1, 0.2]), "points: has 2 values for 1 outputs"),
     ],
 )
@@ -74,6 +79,34 @@ def test_repetitions_that_differ_in_kind_or_not_at_all_are_refused():
         FrfRecord.mean_of([record, record])
     with pytest.raises(InputError, match="band: has fewer than 8"):
         record.between(1.0, 1.01)
+
+
+def test_the_mean_belongs_to_one_set_of_points_and_keeps_all_notes():
+    first, second = (
+        FrfRecord(F, factor * ONE, "receptance", points=[0.1], notes=(note, "both"))
+        for factor, note in ((1.0, "first"), (1.1, "second"))
+    )
+    assert FrfRecord.mean_of([first, second]).notes == ("first", "both", "second")
+    with pytest.raises(InputError, match="records: differ in their points"):
+        FrfRecord.mean_of([first, replace(second, points=[0.2])])
+
+
+def test_weights_that_only_some_records_state_are_not_lost_without_a_word():
+    bare = FrfRecord(F, ONE, "receptance")
+    coherent, scattered = replace(bare, coherence=0.9 + 0 * F), replace(bare, std=1e-3 + 0 * F)
+    mixed = FrfRecord.stacked([coherent, bare])
+    assert mixed.coherence is None
+    assert mixed.notes == ("coherence: left out, because record 2 of 2 has none",)
+    with pytest.raises(InputError, match=r"records: .*standard deviations"):
+        FrfRecord.stacked([coherent, scattered])
+    assert FrfRecord.stacked([coherent, replace(scattered, coherence=coherent.coherence)]).coherence is not None
+
+
+@pytest.mark.parametrize("lines", [9, 300])
+def test_moving_means_keep_their_digits_over_any_range(lines):
+    rows = np.random.default_rng(0).random((2, lines)) * np.logspace(20, -20, lines)
+    means = [[row[max(k - 12, 0) : k + 13].mean() for k in range(lines)] for row in rows]
+    np.testing.assert_allclose(moving_mean(rows, 12), means, rtol=1e-12)
 
 
 def test_the_whole_band_of_very_uneven_lines_is_searched_for_poles():

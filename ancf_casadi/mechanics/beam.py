@@ -346,10 +346,14 @@ class Beam(Displayed):
         return properties | {name: max(getattr(self, name), key=abs) for name in INITIAL if getattr(self, name)}
 
     @property
+    def begin_angle(self) -> float:
+        """Angle by which a support turns the beam at its beginning, rad."""
+        return sum(support.angle for support in self.supports if not support.point)
+
+    @property
     def across(self) -> tuple[float, float]:
         """Unit vector across the beam at its beginning, to the left of its axis as a support there turns it."""
-        angle = sum(support.angle for support in self.supports if not support.point)
-        (ax, ay), cosine, sine = self.axis, math.cos(angle), math.sin(angle)
+        (ax, ay), cosine, sine = self.axis, math.cos(self.begin_angle), math.sin(self.begin_angle)
         return -(sine * ax + cosine * ay), cosine * ax - sine * ay
 
     @property

@@ -5,7 +5,7 @@ With coordinates e, velocities e_t and accelerations e_tt, a sensor at the arc l
     position            d . S e                       S interpolates positions, S' slopes, Eq. (2)
     velocity            d . S e_t
     acceleration        d . (S e_tt - g)              g only for an accelerometer that responds to gravity
-    slope               angle of S' e from the axis
+    slope               angle of S' e from the axis: the sum of the turns from node to node, so beyond pi too
     surface strain      eps - z (kappa - kappa_0)     z along the normal, half the depth of the section if not given
     clamp force         d . sum of R over the nodes   R = M e_tt + Q_damp - Q_g - Q_tip
     clamp moment        sum of (r - r_0) x R_r + tau x R_tau over the nodes
@@ -78,8 +78,7 @@ class SampledMotion:
                 gx, gy = model.beam.gravity if sensor.gravity else (0.0, 0.0)
                 return self._along(sensor, s, (x - gx, y - gy))
             case "slope":
-                (ax, ay), (x, y) = model.beam.axis, self._rows(model.slope_interpolation(s), self.e)
-                return cs.atan2(ax * y - ay * x, ax * x + ay * y)
+                return self._angle(s)
             case "strain":
                 return self._strain(s, sensor.distance)
             case "force":
@@ -114,6 +113,18 @@ class SampledMotion:
         still: cs.MX = cs.sum1(self.e_t**2) + cs.sum1(self.e_tt**2) == 0.0
         balance: cs.MX = cs.if_else(still, of_node, of_beam)
         return balance
+
+    def _angle(self, s: float) -> cs.MX:
+        """Return the angle from the axis of the straight beam, (1, s); the base may turn the beam by up to pi more."""
+        model, (nx, ny) = self.model, self.model.beam.across
+        nodes = slice(NODE * model.root, NODE * (model.element_at(s) + model.root + 1))
+        at_point = self._rows(model.slope_interpolation(s), self.e)
+        x, y = (cs.vertcat(self.e[nodes, :][2 + k :: NODE, :], at_point[k]) for k in range(2))
+        first = cs.atan2(nx * x[0, :] + ny * y[0, :], ny * x[0, :] - nx * y[0, :])
+        cross = x[:-1, :] * y[1:, :] - y[:-1, :] * x[1:, :]
+        turns = cs.atan2(cross, x[:-1, :] * x[1:, :] + y[:-1, :] * y[1:, :])
+        angle: cs.MX = model.beam.begin_angle + first + cs.sum1(turns)
+        return angle
 
     def _strain(self, s: float, distance: float | None) -> cs.MX:
         """Return the strain on the surface, (1, s)."""

@@ -4,7 +4,7 @@ import casadi as cs
 import numpy as np
 import pytest
 
-from ancf_casadi import Beam, InputError, Model, PointLoad, Sensor, natural_modes
+from ancf_casadi import Beam, Clamp, InputError, Model, PointLoad, Sensor, natural_modes
 from problems import FrequencyRecord, StaticRecord
 from problems.beam.properties import property_owners
 from problems.beam.values.records import ValueBlock
@@ -53,6 +53,15 @@ class TestReadings:
         )
         assert deflection == pytest.approx(m * a**2 / (2 * 0.6), rel=1e-6)
         assert slope == pytest.approx(m * a / 0.6, rel=1e-6)
+
+    @pytest.mark.parametrize(("turn", "rotation"), [(1.02 * np.pi, 0.0), (-1.9 * np.pi, 4.0)])
+    def test_a_slope_beyond_half_a_turn_goes_on(self, lying, turn, rotation):
+        """m L/E I, with the derivative -m L/E I by the logarithm of the modulus, also from a turned clamp."""
+        beam = lying(elements=24, supports=[Clamp(rotation=rotation)])
+        record = StaticRecord(Model(beam), [PointLoad(moment=turn * 0.6 / 0.5)], [1.0], Sensor("slope"))
+        values, jacobian = record.response(property_owners(beam, ("elastic_modulus",)))(np.ones(1))
+        assert values[0] == pytest.approx(rotation + turn, rel=1e-3)
+        assert jacobian[0, 0] == pytest.approx(-turn, rel=1e-3)
 
     def test_an_elastic_clamp_adds_its_rotation(self, lying):
         """P L^3/3 E I + P L^2/k."""

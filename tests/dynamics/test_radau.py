@@ -140,3 +140,16 @@ def test_a_run_with_the_functions_of_another_run_has_the_same_digits(uncompiled)
     assert first_equal.cache_info().hits == 1
     for name in ("coordinates", "velocities", "clamp_force", "dissipated_energy"):
         np.testing.assert_array_equal(getattr(shared, name), getattr(alone, name))
+
+
+def test_a_beam_of_a_tenth_of_a_micrometre_moves_as_one_of_half_a_metre():
+    tips = []
+    for length in (0.5, 1e-7):
+        beam = Beam.uniform(length=length, width=length / 10, thickness=length / 100, density=2300.0,
+                            elastic_modulus=160e9, elements=2, axis=(1.0, 0.0), gravity=(0.0, 0.0))  # fmt: skip
+        model = Model(beam)
+        bent = static_equilibrium(model, tip_force=(0.0, 0.3 * beam.bending_stiffness[0] / length**2))
+        period = 1 / natural_modes(model, count=1).frequencies[0]
+        motion = simulate(model, start=bent, duration=period, sample_rate=20 / period, method="radau")
+        tips.append(motion.tip / length)
+    np.testing.assert_allclose(*tips, atol=1e-5)

@@ -117,6 +117,7 @@ class Stepper:
     ) -> None:
         equations, model, first = form.equations, form.equations.model, piece.at(piece.begin)
         self.now, self.steps = piece.begin, 0
+        self._unit = min(1.0, piece.end - piece.begin)  # s; the shortest step is relative to it, or to the time
         self._form, self._piece, self._largest_step, self._control = form, piece, largest_step, StepControl()
         q, v = model.of_free(start.coordinates), model.of_free(start.velocities)
         internal = equations.internal(start, parameters).reshape(equations.internal_shape[::-1])
@@ -161,7 +162,7 @@ class Stepper:
         control, newton = self._control, self.newton
         while True:
             h = control.trial_length(self._piece.end - self.now, self._largest_step)
-            if not h > 1e-11 * max(1.0, self.now):  # s; after the first second, relative to the time
+            if not h > 1e-11 * max(self._unit, self.now):
                 raise SimulationError(_failure("could not continue", self.now, h), self.now)
             self._begin(h)
             if not control.keeps_matrices(h):

@@ -106,7 +106,7 @@ def _lowest_eigenvectors(
     inverse = scipy.sparse.linalg.LinearOperator(
         (size, size), matvec=lambda load: solve_refined(solve, product_with_shift, load), dtype=float
     )
-    start = np.random.default_rng(0).standard_normal(size) / np.sqrt(stiffness[BANDWIDTH])
+    start = np.random.default_rng(0).standard_normal(size) / np.sqrt(shifted[BANDWIDTH])
     _, vectors = scipy.sparse.linalg.eigsh(
         sparse(stiffness), count, inertia, sigma=-shift, OPinv=inverse, v0=start
     )  # eigsh uses only the size of its first argument

@@ -13,6 +13,8 @@ from ancf_casadi import (
     natural_modes,
     static_equilibrium,
 )
+from ancf_casadi.vibration.assembly import Position, Structure
+from ancf_casadi.vibration.eigensolver import lowest_modes
 from ancf_casadi.vibration.statics import primary_equilibrium
 
 # Hz.  Beam of Table 1 (0.5 m, 5 mm, 0.5 mm, 210 GPa).  "exact": roots in 40 digits, or power series with gravity, which
@@ -228,3 +230,12 @@ def test_frequencies_that_rounding_limits_are_named(paper_beam, thickness):
 def test_supports_at_every_node_are_one_line(paper_beam, points):
     with pytest.raises(InputError, match="supports: hold every node, so no mode moves one; use more elements"):
         natural_modes(Model(paper_beam(len(points) - 1, supports=tuple(Pin(point) for point in points))))
+
+
+def test_a_position_in_which_rounding_alone_decides_the_stiffness_gives_no_warning(paper_beam):
+    """With slopes of no length nothing resists deflections, and their stiffness is rounding of either sign."""
+    model = Model(paper_beam(4, **WEIGHTLESS))
+    nodes = model.straight.reshape(-1, 4) * [1.0, 1.0, 0.0, 0.0]
+    nodes[1:, 1] -= 1e-13
+    nodes[1:, 2:] = 1e-15 * np.random.default_rng(0).normal(size=(4, 2))
+    assert lowest_modes(Structure.of(model), Position.of(nodes.ravel()), 1) is None

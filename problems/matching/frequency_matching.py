@@ -189,7 +189,7 @@ def match_frequencies(
         solve_seconds=best.solve_seconds,
         matching=matching,
         unknowns=m,
-        modes=tuple((state.numbers + 1).tolist()),
+        modes=_mode_numbers(matching, state),
         mac=_shape_mac(matching, state) if measured.shapes else None,
         residuals=matching.residuals(m) / matching.unit,
         multipliers=multipliers,
@@ -267,10 +267,26 @@ def _solve_program(matching: Matching, start: Array) -> NlpSolution:
     )
 
 
+def _mode_numbers(matching: Matching, state: ModalState) -> tuple[int, ...]:
+    """Return the numbers, from 1, of the modes of the targets at the optimum.
+
+    Without measured shapes, a mode keeps its number among modes whose frequencies differ by rounding alone.
+    """
+    numbers = state.numbers
+    if not matching.measured.shapes and (numbers != matching.numbers).any():
+        frequencies = _lowest_modes(matching, state).frequencies[matching.numbers]
+        numbers = np.where(np.isclose(frequencies, state.frequencies, rtol=1e-9, atol=0.0), matching.numbers, numbers)
+    return tuple((numbers + 1).tolist())
+
+
 def _shape_mac(matching: Matching, state: ModalState) -> Array:
     """Return the MAC of the measured shapes with all of the lowest modes at the optimum, followed or not."""
-    free = matching.model.freedoms
-    # modes above the highest followed mode that the MAC includes
-    lowest = modes_near(state.structure, state.at, min(int(state.numbers.max()) + 1 + 2, free))
+    return matching.measured.mac(matching.observer @ _lowest_modes(matching, state).shapes)
+
+
+def _lowest_modes(matching: Matching, state: ModalState) -> ModalState:
+    """Return the lowest modes at the optimum, two more than those of the targets."""
+    highest = int(max(state.numbers.max(), matching.numbers.max()))
+    lowest = modes_near(state.structure, state.at, min(highest + 1 + 2, matching.model.freedoms))
     assert lowest is not None  # the equilibrium of the optimum is stable
-    return matching.measured.mac(matching.observer @ lowest.shapes)
+    return lowest

@@ -103,3 +103,13 @@ def test_unknowns_that_a_beam_does_not_have_are_refused(names, message):
     with pytest.raises(InputError) as caught:
         match_frequencies(beam, targets=[3.0], unknowns=[Global(name) for name in names])
     assert str(caught.value).startswith(message)
+
+
+@pytest.mark.parametrize("count", [4, 5])
+def test_modes_of_equal_frequency_are_not_told_apart(count):
+    """Two halves beside a clamp in the middle: rounding alone decides which of a pair is the lower one."""
+    beam = strip(gravity=(0.0, 0.0), supports=(Clamp(0.25),))
+    frequencies = natural_modes(Model(beam), count=count).frequencies
+    targets = tuple((frequencies * (1.01 + 1e-9 * np.arange(count))).tolist())
+    match = match_frequencies(beam, targets=targets, unknowns=[Global("thickness")])
+    assert match.modes == tuple(range(1, count + 1)) and not match.warnings

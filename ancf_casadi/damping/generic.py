@@ -121,6 +121,17 @@ class ModalDamping(DampingLaw):
         """Return zero."""
         return 0 * e_t
 
+    def check_nodes(self, model: Model, where: str) -> None:
+        """Refuse a model with other nodes than the modes by an ``InputError``."""
+        if self.modes.model.beam.elements != model.beam.elements:
+            raise InputError("belong to a beam with another number of elements", where)
+        if self.modes.model.root != model.root:
+            raise InputError(
+                "belong to a beam with another support at its beginning, where only one of both has a rigid clamp "
+                "without displacement and rotation; make the law from natural_modes of this beam",
+                where,
+            )
+
     def projection(self, model: Model) -> Array:
         """Return B = M Phi, so that C = B diag(2 zeta omega) B^T.
 
@@ -129,10 +140,9 @@ class ModalDamping(DampingLaw):
         Raises
         ------
         InputError
-            If the modes belong to a mesh with another number of elements.
+            If the modes belong to a beam with another number of elements, or another kind of support at its beginning.
         """
-        if self.modes.model.size != model.size:
-            raise InputError("belong to a beam with another number of elements", "modes")
+        self.check_nodes(model, "modes")
         mass = self.modes.model.mass(self.modes.model.properties).sparse()
         self._warn_of_another_beam(model)
         B = cs.DM(mass @ self.modes.shapes[:, : len(self.ratios)])

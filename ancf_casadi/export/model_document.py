@@ -196,5 +196,5 @@ def _check_mesh(law: DampingLaw | None, model: Model) -> None:
     """Refuse a law with modes of another mesh."""
     for term in law.laws if isinstance(law, SumOfLaws) else ():
         _check_mesh(term, model)
-    if isinstance(law, ModalDamping) and law.modes.model.size != model.size:
-        raise InputError("belong to a beam with another number of elements", "damping: modes")
+    if isinstance(law, ModalDamping):
+        law.check_nodes(model, "damping: modes")

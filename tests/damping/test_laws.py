@@ -385,6 +385,13 @@ def test_modes_of_another_mesh_are_refused(modes, hanging):
         simulate(hanging, damping=ModalDamping(modes, RATIOS), duration=0.1)
 
 
+@pytest.mark.parametrize("fewer", [0, 1])  # with one element less, and a node for the base, there are as many nodes
+def test_modes_of_a_beam_with_another_support_at_its_beginning_are_refused(paper_beam, modes, fewer):
+    sprung = paper_beam(modes.model.beam.elements - fewer, clamp_stiffness=5.0)
+    with pytest.raises(InputError, match="^modes: .*" + ("support at its beginning", "number of elements")[fewer]):
+        ModalDamping(modes, RATIOS).projection(Model(sprung))
+
+
 @dataclass
 class Resistance(DampingLaw):
     """Mass-proportional damping as a user may write it: a class that can change, and so has no hash."""

@@ -190,7 +190,7 @@ class Beam(Displayed):
         length, axis, gravity, supports, attachments, rotary_sections
             See ``Beam``.
         tip_mass : float
-            Mass of the ``PointMass`` at the tip, kg; it takes the place of the mass of one in ``attachments``.
+            Mass of the ``PointMass`` at the tip, kg; it takes the place of the mass of the first in ``attachments``.
         clamp_stiffness : float
             Torsional stiffness of the first clamp, N m/rad.
 
@@ -363,7 +363,7 @@ class Beam(Displayed):
 
     @property
     def tip_mass(self) -> float:
-        """Mass at the tip, kg."""
+        """Mass of the first ``PointMass`` at the tip, kg, 0 if there is none; further ones are tip_mass_2, ..."""
         return self.lumped.get("tip_mass", 0.0)
 
     @property
@@ -375,8 +375,8 @@ class Beam(Displayed):
         """Return a copy with some fields or lumped properties changed; a number applies to all elements.
 
         ``section`` changes the sections, and ``diameter`` the sizes of round ones, which keep their proportions.  A
-        mass at the tip and the stiffness of a clamp may also be added.  What is at the tip stays there if the length
-        changes.
+        mass at the tip and the stiffness of a clamp may also be added; of several, tip_mass changes the first.  What is
+        at the tip stays there if the length changes.
 
         Raises
         ------

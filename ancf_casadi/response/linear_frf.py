@@ -67,6 +67,7 @@ FRF_UNITS = {
 FRF_POWERS = {"receptance": 0, "mobility": 1, "accelerance": 2}  # powers of i omega
 FREQUENCY_SPAN = 0.2, 1.3  # default first and last frequency, relative to the first and last mode
 HALF_WIDTHS = 10.0  # range of the dense frequencies about a resonance
+RESONANCES = 5  # number of modes that the default frequencies cover
 TRIAL_AMPLITUDE = 0.01  # of the reference point, per length; for the comparison with damping ratios at rest
 
 
@@ -87,7 +88,7 @@ class LinearFrf(Reported):
     direction, load_direction : (float, float)
         Directions of the responses, and of the loads or the base motion; unit vectors.
     modes : Modes
-        The first modes about the equilibrium, without rigid-body motions.
+        The first five modes about the equilibrium, without rigid-body motions.
     damping : DampingLaw
         The damping law.
 
@@ -259,8 +260,7 @@ def linear_frf(
     law = damping or RayleighDamping()
     arc_lengths = _check_points(model, points, "points"), _check_points(model, load_points, "load_points")
     state = equilibrium or static_equilibrium(model, loads=law.loads(model.beam))
-    # the default frequencies cover five resonances
-    modes = _without_rigid_modes(natural_modes(model, count=min(5, model.freedoms), equilibrium=state))
+    modes = _flexible_modes(model, state)
     response_points, loaded_points = (positions or modes.reference_points[:1] for positions in arc_lengths)
     loaded_points = () if base_moves else loaded_points
     f = _default_frequencies(modes, law) if frequencies is None else _check_frequencies(frequencies)
@@ -311,10 +311,12 @@ def _default_frequencies(modes: Modes, law: DampingLaw) -> Array:
     return np.unique(np.append(grid, near_resonances))
 
 
-def _without_rigid_modes(modes: Modes) -> Modes:
-    """Return the modes without those of rigid motion."""
-    flexible = modes.frequencies > 0.0
-    return Modes(modes.equilibrium, modes.frequencies[flexible], modes.shapes[:, flexible])
+def _flexible_modes(model: Model, equilibrium: Equilibrium) -> Modes:
+    """Return the first five modes, or all of a coarse mesh, without those of rigid motion."""
+    count = RESONANCES if model.is_held else RESONANCES + 3
+    modes = natural_modes(model, count=min(count, model.freedoms), equilibrium=equilibrium)
+    flexible = np.flatnonzero(modes.frequencies > 0.0)[:RESONANCES]
+    return Modes(equilibrium, modes.frequencies[flexible], modes.shapes[:, flexible])
 
 
 def ratios_at_rest(modes: Modes, law: DampingLaw) -> Array:

@@ -6,6 +6,7 @@ import pytest
 
 from ancf_casadi import (
     Beam,
+    Clamp,
     EquilibriumError,
     FrictionDamping,
     HarmonicBase,
@@ -13,6 +14,7 @@ from ancf_casadi import (
     InputError,
     ModalDamping,
     Model,
+    Pin,
     QuadraticDamping,
     RayleighDamping,
     linear_frf,
@@ -223,3 +225,11 @@ def test_an_unstable_equilibrium_has_no_response():
                             elastic_modulus=210e9, elements=4)  # fmt: skip
     with pytest.raises(EquilibriumError, match="unstable"):
         linear_frf(Model(standing), equilibrium=primary_equilibrium(Model(standing), ()))
+
+
+@pytest.mark.parametrize("supports", [(), (Pin(0.0),), (Clamp(),)])
+def test_the_default_frequencies_show_five_resonances_beside_rigid_motions(paper_beam, supports):
+    frf = linear_frf(Model(paper_beam(4, supports=supports, gravity=(0.0, 0.0))), RayleighDamping(alpha=0.4))
+    assert frf.modes.count == 5
+    assert frf.frequencies[-1] > frf.modes.frequencies[4]
+    assert frf.modes.frequencies[0] > 1.0

@@ -117,11 +117,6 @@ class Equilibrium(Reported):
         surely = is_definite(stiffness - eigenvalue_shift(self.model, stiffness, mass) * mass)
         return surely or lowest_modes(self.structure, self.exact, 1) is not None
 
-    @property
-    def is_stable(self) -> bool:
-        """The same as ``stable``."""
-        return self.stable
-
     def table(self) -> Table:
         """Return position and angle of the tip, and the loads."""
         x, y = self.tip.tolist()

@@ -112,7 +112,7 @@ class EquilibriumPath(Reported):
     >>> path = equilibrium_path(Model(half), loads=[PointLoad((0.0, -20.0))])
     >>> [(one.kind, round(one.factor, 2)) for one in path.critical_points]
     [('limit', 0.31), ('limit', -0.1)]
-    >>> [rest.is_stable for rest in path.equilibria_at(0.2)]
+    >>> [rest.stable for rest in path.equilibria_at(0.2)]
     [True, False, True]
     """
 
@@ -270,7 +270,7 @@ def equilibrium_path(
     >>> print(f"{buckled.kind} at {buckled.factor:.3f}")
     bifurcation at 1.079
     >>> bent = equilibrium_path(Model(beam), loads=push, largest_factor=2.0, start=buckled)
-    >>> [one.is_stable for one in (*straight.equilibria_at(1.5), *bent.equilibria_at(1.5))]
+    >>> [one.stable for one in (*straight.equilibria_at(1.5), *bent.equilibria_at(1.5))]
     [False, True]
     """
     check_instance(model, "model", Model)

@@ -345,7 +345,7 @@ def test_a_bent_beam_with_short_elements_is_warned_of(elements, points, wrong):
                         axis=(1.0, 0.0), gravity=(0.0, 0.0))  # fmt: skip
     rest = static_equilibrium(Model(beam, StrainMeasures(axial_points=points)), tip_moment=1e8 * 0.01 * 5e-3**3 / 1.2)
     assert rest.tip_angle == pytest.approx(1.0, rel=1e-3)
-    assert rest.is_stable != wrong
+    assert rest.stable != wrong
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         simulate(rest.model, start=rest, duration=2e-4, sample_rate=1e4)

@@ -36,7 +36,7 @@ def test_a_moment_straightens_a_coarse_bent_beam(paper_beam, bending_stiffness):
     beam = paper_beam(10, natural_curvature=6.0, **WEIGHTLESS)
     rest = static_equilibrium(Model(beam), tip_moment=-6.0 * bending_stiffness(beam))
     np.testing.assert_allclose(rest.tip, 0.5 * np.array(beam.axis), rtol=0.0, atol=1e-4 * beam.length)
-    assert rest.is_stable
+    assert rest.stable
 
 
 @pytest.mark.slow

@@ -129,7 +129,7 @@ def test_a_horizontal_beam_sags_under_its_own_weight(paper_beam, elements, error
     equilibrium = static_equilibrium(Model(paper_beam(elements, axis=(1.0, 0.0))))
     np.testing.assert_allclose(equilibrium.tip, (0.4795670775, -0.1322053449), atol=error)
     assert equilibrium.tip_angle == pytest.approx(-0.3574651341, abs=max(error, 1e-7))
-    assert equilibrium.is_stable
+    assert equilibrium.stable
 
 
 def test_a_hanging_beam_stretches_by_its_weight_alone(hanging):

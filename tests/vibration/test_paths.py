@@ -98,7 +98,7 @@ def test_the_limit_points_of_the_toggle_frame_are_found(snap):
 
 def test_three_equilibria_at_one_force_are_reported(snap):
     low, middle, high = snap.equilibria_at(33.0)
-    assert [rest.is_stable for rest in (low, middle, high)] == [True, False, True]
+    assert [rest.stable for rest in (low, middle, high)] == [True, False, True]
     assert deflection(low) < TOGGLE_LIMITS[0][0] < deflection(middle) < TOGGLE_LIMITS[1][0] < deflection(high)
     assert max(unbalance(rest) for rest in (low, middle, high)) < 1e-9
     assert all(rest.loads[0].force[1] == -16.5 for rest in (low, middle, high))
@@ -112,7 +112,7 @@ def test_equilibria_between_limit_points_are_unstable_and_all_others_stable(snap
     assert between.sum() >= 4
     assert np.array_equal(snap.stable, ~between)
     regular = [k for k in range(len(deflections)) if k not in snap.critical_indices]
-    assert [snap.equilibria[k].is_stable for k in regular] == snap.stable[regular].tolist()
+    assert [snap.equilibria[k].stable for k in regular] == snap.stable[regular].tolist()
 
 
 @pytest.mark.slow
@@ -212,7 +212,7 @@ def test_a_column_bends_as_the_elastica_to_both_sides(buckled, angle):
         (rest,) = path.equilibria_at(factor)
         assert rest.tip == pytest.approx([x, sign * y], abs=1e-4)
         assert rest.tip_angle == pytest.approx(sign * math.radians(angle), abs=1e-3)
-        assert rest.is_stable
+        assert rest.stable
 
 
 def test_a_branch_begins_at_its_bifurcation_and_is_stable(buckled):

@@ -67,7 +67,9 @@ MODULUS_STEPS = 10  # in which the moduli of Maxwell branches grow from 0, so th
 MOST_ITERATIONS = 30  # of the inverse iteration in each of these steps
 CONVERGED = 1e-6  # relative change of the eigenvalue in the last iteration; the error is about the square of this
 GROWING = 1e-7  # real part of a growing mode, relative to |s|; rounding leaves 1e-12, or 1e-6 where two modes meet
-NARROW = 1e-4  # relative difference of two factors below which an equilibrium is the mean of those at both
+# relative difference of two factors below which an equilibrium is the mean of those at both, as
+# test_a_column_buckles_under_eulers_load_in_any_direction needs
+NARROW = 1e-4
 
 
 @dataclass(frozen=True)

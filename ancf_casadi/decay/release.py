@@ -17,6 +17,9 @@ modes that beat.  Second, the force beats with the mode or supplies energy.  The
 which no other is evident: the closed forms hold from any later instant on, whereas a release that is too early spoils
 a fit.
 
+The windows of a long record hold many periods.  A motion that ends within a few of them is therefore searched in
+shorter ones first, which divide its second half, and so on.  At least three windows must follow the excitation.
+
 Gaps.  A piece of less than one and a half periods between the release and a gap is left out, because it does not show
 whether the beam rests or moves.  If the decay begins at the end of a gap, a note says so.
 """

@@ -129,7 +129,7 @@ class Steps:
         The slices follow each other.  The polynomials are not kept, because they need as much memory as the steps.
         """
         begin = int(owners.min())
-        used, owners = self._between(begin, int(owners.max()) + 1), owners - begin
+        used, owners = self._cut(begin, int(owners.max()) + 1), owners - begin
         lengths, logarithms, beginnings = np.diff(used.instants), used._logarithms(), used._beginnings()
         for start in range(0, owners.size, INSTANTS_TOGETHER):
             together = slice(start, start + INSTANTS_TOGETHER)
@@ -148,7 +148,7 @@ class Steps:
                 z[2] = z[0] * (rates[1] + rates[0] ** 2)
             yield together, z, np.array([(of_order[:, None] @ of_beginning)[:, 0] for of_order in terms])
 
-    def _between(self, begin: int, end: int) -> Steps:
+    def _cut(self, begin: int, end: int) -> Steps:
         """Return some consecutive steps without what their energies need."""
         return Steps(
             self.basis,

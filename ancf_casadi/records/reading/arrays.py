@@ -108,7 +108,7 @@ def _with_steps(
         place = next(filter(occupied.__contains__, _places(stated_at)))
         steps_at.setdefault(place, {})[text] = step
     nearest = [next(filter(steps_at.__contains__, _places(name)), None) for name in arrays_of_channels]
-    agreed = [0.0 if place is None else _agreed(steps_at[place]) for place in nearest]
+    agreed = [0.0 if place is None else _common_step(steps_at[place]) for place in nearest]
     if len(set(agreed)) < 2:
         texts = ", ".join(text for stated in steps_at.values() for text in stated)
         fault = f"the time between samples is in doubt ({texts})" if texts and not any(agreed) else ""
@@ -133,7 +133,7 @@ def _places(path: str) -> Iterator[str]:
     yield ""
 
 
-def _agreed(stated: Mapping[str, float]) -> float:
+def _common_step(stated: Mapping[str, float]) -> float:
     """Return the step in all statements, s; 0 if it is in doubt."""
     steps = list(stated.values())
     return steps[0] if np.ptp(steps) <= SAME_STEP * steps[0] else 0.0

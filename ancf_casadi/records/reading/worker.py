@@ -119,7 +119,7 @@ def hdf5(path: str) -> FileContents:
                 continue
             total += item.size * item.dtype.itemsize
             check_data_size(total, os.path.getsize(path))
-            columns = dict(real_parts([(name, _unpacked(item))]))
+            columns = dict(real_parts([(name, _unpack(item))]))
             arrays += columns.items()
             if unit := _attribute(item, UNIT_ATTRIBUTE, str):
                 units |= dict.fromkeys(columns, unit)
@@ -133,7 +133,7 @@ def hdf5(path: str) -> FileContents:
     return arrays, {"notes": notes, "units": units, "rates": rates}
 
 
-def _unpacked(item: Any) -> NDArray[Any]:
+def _unpack(item: Any) -> NDArray[Any]:
     """Return the numbers of a data set as its attributes explain them: gaps, and a scale of packed numbers."""
     values: NDArray[Any] = item[()]
     packing = {

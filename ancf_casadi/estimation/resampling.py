@@ -80,6 +80,8 @@ class MonteCarlo(Displayed):
         Kind of noise in the records.
     block : int
         Number of successive residuals that were drawn together; 1 for parametric records.
+    too_white : bool
+        True if the noise of the fit is coloured, but that of these records white.
 
     Examples
     --------
@@ -104,6 +106,7 @@ class MonteCarlo(Displayed):
     failures: tuple[str, ...]
     method: Method
     block: int
+    too_white: bool = False
 
     @property
     def runs(self) -> int:
@@ -134,8 +137,14 @@ class MonteCarlo(Displayed):
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """Number of failed runs for each reason."""
-        return tuple(f"{count} runs failed: {reason}" for reason, count in Counter(self.failures).items())
+        """Number of failed runs for each reason, and whether the estimates may scatter too little."""
+        notes = [f"{count} runs failed: {reason}" for reason, count in Counter(self.failures).items()]
+        if self.too_white:
+            notes.append(
+                "the noise of these records is white, and that of the fit coloured, so that the estimates may scatter "
+                "less than they should; use method='bootstrap'"
+            )
+        return tuple(notes)
 
     def table(self) -> Table:
         """Return estimate and standard error of each quantity, and mean, deviation and interval over the runs."""
@@ -258,6 +267,7 @@ def monte_carlo(
         failures=failures,
         method=method,
         block=block,
+        too_white=method == "parametric" and isinstance(fit, LeastSquaresResult) and not fit.fit.noise.white,
     )
 
 

@@ -115,6 +115,13 @@ def test_blocks_stay_within_a_record_and_a_coordinate(transient):
             assert follows[np.arange(1, size) % block != 0].all()
 
 
+@pytest.mark.parametrize(("rho", "method", "named"), [(0.9, "parametric", True), (0.9, "bootstrap", False),
+                                                      (0.0, "parametric", False)])  # fmt: skip
+def test_white_records_for_a_fit_with_coloured_noise_are_named(rho, method, named):
+    fit = fit_decay(TIME, swing() + 1e-3 * coloured(1, rho))
+    assert any("bootstrap" in note for note in monte_carlo(fit, runs=2, method=method).warnings) == named
+
+
 def test_runs_that_fail_are_counted_and_named(decay, monkeypatch):
     module = sys.modules["ancf_casadi.estimation.solver.least_squares"]
     solve, calls = module.least_squares, []

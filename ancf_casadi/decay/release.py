@@ -209,12 +209,13 @@ def _find_end_in_windows(time: Array, displacement: Array, track: Track) -> int:
     k, z, windows = track.k, track.z, len(track.z)
     motion = _motion_power(z, displacement)
 
-    def is_evident(free: float, forced: float, unknowns: int) -> bool:
-        return larger_model_is_evident(free, forced, 2 * windows, unknowns, motion)
+    def is_evident(free: float, forced: float, added_unknowns: int) -> bool:
+        return larger_model_is_evident(free, forced, 2 * windows, added_unknowns, motion)
 
     log_q, free_misfits = fit_free_tails(k, z)
-    single_misfit = float(free_misfits[0])
-    if not is_evident(single_misfit, scatter_misfit(k, z, log_q[0]), 10 - 4):  # no smooth z is evident beside one mode
+    single_misfit, unknowns = float(free_misfits[0]), 10  # of a force and its end: q, its amplitude, B, p, C and s
+    # no smooth z is evident beside one mode, with four unknowns
+    if not is_evident(single_misfit, scatter_misfit(k, z, log_q[0]), unknowns - 4):
         return 0
     misfits: dict[int, float] = {}
     sustained: dict[int, bool] = {}
@@ -231,12 +232,12 @@ def _find_end_in_windows(time: Array, displacement: Array, track: Track) -> int:
     reach = math.isqrt(windows)
     first, last = max(MIN_WINDOWS + 1, coarse_end - reach), min(windows - MIN_WINDOWS, coarse_end + 2 * reach)
     end = best_end(range(first, last + 1))
-    best_misfit = misfits[end]  # of ten unknowns: q, its amplitude, B, p, C and s
-    if not sustained[end] or not is_evident(single_misfit, best_misfit, 10 - 4):
+    best_misfit = misfits[end]
+    if not sustained[end] or not is_evident(single_misfit, best_misfit, unknowns - 4):
         return 0
-    if not is_evident(one_mode_misfit(k, z), best_misfit, 10 - 7):
+    if not is_evident(one_mode_misfit(k, z), best_misfit, unknowns - 7):
         return 0
-    if not all(is_evident(several_modes_misfit(k, z, modes), best_misfit, 10 - 4 * modes) for modes in (2, 3)):
+    if not all(is_evident(several_modes_misfit(k, z, modes), best_misfit, unknowns - 4 * modes) for modes in (2, 3)):
         return 0
     latest_end = max(s for s, misfit in misfits.items() if not is_evident(misfit, best_misfit, 0))
     return _first_sample(time, track, int(track.number[latest_end]))

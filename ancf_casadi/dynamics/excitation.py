@@ -141,7 +141,8 @@ def excitation_pieces(
     pieces = []
     for first, last in itertools.pairwise(instants):
         overlapping = [
-            next(piece for piece, _, end in pieces if (first + last) / 2 <= end) for pieces in (moving, loading)
+            next(piece for piece, _, piece_end in motion if (first + last) / 2 <= piece_end)
+            for motion in (moving, loading)
         ]
         pieces.append(Excitation(model, overlapping[0], overlapping[1], first, last, values))
     return pieces

@@ -95,7 +95,7 @@ def _lowest_eigenvectors(
     factors = scipy.linalg.cholesky_banded(shifted[BANDWIDTH:], lower=True), True
     if 2 * count + 1 >= size:  # too many for Lanczos' method
         _, vectors = scipy.linalg.eigh(inertia.toarray(), sparse(shifted).toarray())
-        return np.asarray(vectors[:, : -count - 1 : -1])
+        return np.asarray(vectors[:, : -count - 1 : -1])  # the largest 1/(lambda + a) are the last
 
     def solve(load: Array) -> Array:
         return np.asarray(scipy.linalg.cho_solve_banded(factors, load, check_finite=False))

@@ -146,7 +146,10 @@ def _template_values(modes: Modes, modal: Sequence[ModalDamping], amplitude: flo
 
 
 def _generalised_alpha(omega: float, ratio: float, step: float) -> Array:
-    """Return the matrix of one step for (q, v, w) of a mode with a damping ratio."""
+    """Return the matrix of one step, with after @ x_next = before @ x, for x = (q, v, w) of a mode.
+
+    w is the auxiliary acceleration of the generalised-alpha method.
+    """
     rho = SPECTRAL_RADIUS
     am, af = (2 * rho - 1) / (rho + 1), rho / (rho + 1)
     g = 0.5 + af - am

@@ -201,7 +201,8 @@ def _half_period_later(motion: PointMotion) -> PointMotion:
 def closest(driven: Driven, measured: Measured, s: Array, start: PointMotion) -> PointMotion:
     """Return the motion closest to a measured point, from one nearby, by steps that each reduce the distance.
 
-    The curvature l'' is that of the last two points, and counts where it increases the second derivative.
+    ``values`` are amplitude, phase and level l, ``slopes`` their derivatives by the amplitude.  The curvature l'' is
+    that of the last two points, and counts where it increases the second derivative.
     """
     try:
         motion = _transfer_motion(driven, driven.curve(measured.omega, s), start)

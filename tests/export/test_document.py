@@ -124,7 +124,7 @@ def attachments(length):
 def identified(paper_beam):
     """A beam with every law; one modal law has the modes of another beam, one those of the loaded beam."""
     model = Model(paper_beam(2, axis=(0.3, -0.9)), StrainMeasures("green", "geometric", 2, 3))
-    other = Model(paper_beam(2, thickness=0.6e-3))
+    other = Model(paper_beam(2, thickness=0.54e-3))
     loaded = natural_modes(model, count=2, equilibrium=static_equilibrium(model, tip_force=(1e-3, 0), tip_moment=1e-4))
     law = (
         ModalDamping(natural_modes(other, count=2), (0.01, 0.02))

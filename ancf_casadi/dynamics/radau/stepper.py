@@ -117,7 +117,7 @@ class Stepper:
     ) -> None:
         equations, model, first = form.equations, form.equations.model, piece.at(piece.begin)
         self.now, self.steps = piece.begin, 0
-        self._unit = min(1.0, piece.end - piece.begin)  # s; the shortest step is relative to it, or to the time
+        self._unit = min(1.0, 10 * (piece.end - piece.begin))  # s; the shortest step is relative to it, or to the time
         self._form, self._piece, self._largest_step, self._control = form, piece, largest_step, StepControl()
         q, v = model.of_free(start.coordinates), model.of_free(start.velocities)
         internal = equations.internal(start, parameters).reshape(equations.internal_shape[::-1])

@@ -25,11 +25,10 @@ from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.inputs import check_instance, is_sequence, number, physical, shown
-from ancf_casadi.vibration.assembly import Position, Structure
+from ancf_casadi.vibration.assembly import EPSILON, Position, Structure
 from ancf_casadi.vibration.modes import Modes
 
 FOREIGN = 0.2  # change of a frequency or damping ratio beyond which modes are those of another beam
-EPSILON = float(np.finfo(float).eps)
 
 
 @final
@@ -153,15 +152,13 @@ class ModalDamping(DampingLaw):
         reference = self.modes.model
         if reference.beam == model.beam:
             return
-        count, rest = len(self.ratios), self.modes.equilibrium.coordinates
-        columns = cs.DM(np.column_stack([self.modes.shapes[:, :count], rest]))
-        *shapes, position = rotate_pairs(columns, reference.beam.axis, model.beam.axis).full().T
-        mass = model.mass(model.properties).sparse()
-        stiffness = Structure.of(model).stiffness_product(Position.of(position))
-        masses = np.array([shape @ (mass @ shape) for shape in shapes])
-        free_shapes = [model.of_free(shape) for shape in shapes]
-        squares = np.square(self.modes.angular_frequencies[:count])
-        stiffnesses = np.array([shape @ stiffness(shape) for shape in free_shapes]) / squares
+        count, equilibrium = len(self.ratios), self.modes.equilibrium.coordinates
+        columns = cs.DM(np.column_stack([self.modes.shapes[:, :count], equilibrium]))
+        turned = rotate_pairs(columns, reference.beam.axis, model.beam.axis).full()
+        shapes, stiffness = turned[:, :-1], Structure.of(model).stiffness_product(Position.of(turned[:, -1]))
+        masses = np.sum(shapes * (model.mass(model.properties).sparse() @ shapes), axis=0)
+        energies = np.array([shape @ stiffness(shape) for shape in map(model.of_free, shapes.T)])
+        stiffnesses = energies / np.square(self.modes.angular_frequencies[:count])
         changes = np.abs(1 / np.sqrt(masses * np.maximum(stiffnesses, EPSILON)) - 1)  # of the damping ratios
         k = int(np.argmax(changes))
         if changes[k] > FOREIGN:

@@ -203,7 +203,7 @@ class DampingLaw(Displayed, ABC):
     def __add__(self, other: DampingLaw) -> DampingLaw:
         """Return the law whose force is the sum of both forces."""
         check_instance(other, "damping", DampingLaw)
-        return SumOfLaws((*_terms(self), *_terms(other)))
+        return SumOfLaws((*law_terms(self), *law_terms(other)))
 
 
 @final
@@ -217,7 +217,7 @@ class SumOfLaws(DampingLaw):
     def parameters(self) -> tuple[Parameter, ...]:
         """The parameters of all terms in order; a name that occurs again is numbered, as in ``alpha_2``."""
         numbered: dict[str, Parameter] = {}
-        for parameter in (parameter for term in _terms(self) for parameter in term.parameters):
+        for parameter in (parameter for term in law_terms(self) for parameter in term.parameters):
             name, count = parameter.name, 1
             while name in numbered:
                 count += 1
@@ -319,9 +319,9 @@ def ratios_over_a_period(
     return np.asarray(powers @ (weights * phase) / (modes.angular_frequencies * speed * modal_mass))
 
 
-def _terms(law: DampingLaw) -> tuple[DampingLaw, ...]:
+def law_terms(law: DampingLaw) -> tuple[DampingLaw, ...]:
     """Return the terms of a law, including those of nested sums."""
-    return tuple(term for summand in law.laws for term in _terms(summand)) if isinstance(law, SumOfLaws) else (law,)
+    return tuple(term for summand in law.laws for term in law_terms(summand)) if isinstance(law, SumOfLaws) else (law,)
 
 
 def refuse_branches(law: DampingLaw) -> None:

@@ -334,25 +334,25 @@ def critical_load(
             factor *= 1 - NARROW / 4
             return factor, primary_equilibrium(model, loads_at(factor), start)
 
-    stable, rest = 0.0, primary_equilibrium(model, flow)
+    stable, last_stable = 0.0, primary_equilibrium(model, flow)
     for step_end in np.linspace(0.0, largest, steps + 1).tolist():
-        unstable, equilibrium = equilibrium_near(step_end, rest)
+        unstable, equilibrium = equilibrium_near(step_end, last_stable)
         modes = modes_about(equilibrium)
         if not modes.is_stable:
             break
-        stable, rest = unstable, equilibrium
+        stable, last_stable = unstable, equilibrium
     else:
         return None
     while unstable - stable > 1e-9 * unstable:
         middle = (stable + unstable) / 2
         if unstable - stable > NARROW * unstable:
-            middle, between = equilibrium_near(middle, rest)
+            middle, between = equilibrium_near(middle, last_stable)
         else:
-            coordinates = (rest.coordinates + modes.equilibrium.coordinates) / 2
+            coordinates = (last_stable.coordinates + modes.equilibrium.coordinates) / 2
             between = Equilibrium(model, coordinates, loads=tuple(loads_at(middle)))
         modes_between = modes_about(between)
         if modes_between.is_stable:
-            stable, rest = middle, between
+            stable, last_stable = middle, between
         else:
             unstable, modes = middle, modes_between
     growing = modes.eigenvalues[modes.eigenvalues.real.argmax()]

@@ -36,7 +36,7 @@ from ancf_casadi.damping import DampingLaw
 from ancf_casadi.dynamics.base_motion import BaseMotion
 from ancf_casadi.dynamics.equations import Balance, Equations, shared_equations
 from ancf_casadi.dynamics.excitation import ENERGIES, EXCITATION, SAME_TIME, Excitation, Segment, excitation_pieces
-from ancf_casadi.dynamics.placed_load import TIP
+from ancf_casadi.dynamics.placed_load import LOAD_SIZE, TIP
 from ancf_casadi.dynamics.radau.tableau import QUINTIC, RADAU, STAGES, overstrain_weights, powers
 from ancf_casadi.dynamics.tip_load import TipLoad
 from ancf_casadi.exceptions import InputError
@@ -340,7 +340,7 @@ class DenseMotion(MotionSource):
 
     def tip_load(self, times: Array) -> Array:
         """Return the load, see ``MotionSource``."""
-        return self._excitation(times, EXCITATION)[:, 3 * NODE : 3 * NODE + 3]
+        return self._excitation(times, EXCITATION)[:, 3 * NODE : 3 * NODE + LOAD_SIZE]
 
     def energies(self, times: Array) -> Array:
         """Return the energies, see ``MotionSource``."""

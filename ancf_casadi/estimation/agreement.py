@@ -88,9 +88,8 @@ class Agreement:
         freedom = len(self.values) - 1
         if self._excess(0.0) <= freedom:
             return 0.0
-        widest = (
-            4 * float(np.ptp(self.values)) ** 2
-        )  # there Q < K - 1, even where rounding moves the mean to an estimate
+        # a variance at which Q < K - 1, even where rounding moves the mean to an estimate
+        widest = 4 * float(np.ptp(self.values)) ** 2
         return math.sqrt(scipy.optimize.brentq(lambda variance: self._excess(variance) - freedom, 0.0, widest))
 
     @property

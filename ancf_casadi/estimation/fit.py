@@ -70,7 +70,7 @@ def quantile(level: float, freedom: float) -> float:
 
 @dataclass(frozen=True)
 class SolverSettings:
-    """How to minimise the sum of squares of residuals."""
+    """Settings of the solver that minimises the sum of squares of residuals."""
 
     closed_form: bool = True  # second derivatives of the residuals are cheap: IPOPT, else Gauss-Newton steps
     inaccuracy: float = 0.0  # norm of the error of the residuals, below which they need not be minimised

@@ -14,7 +14,7 @@ import casadi as cs
 import numpy as np
 
 from ancf_casadi.damping import DampingLaw, ModalDamping
-from ancf_casadi.damping.law import SumOfLaws
+from ancf_casadi.damping.law import law_terms
 from ancf_casadi.dynamics.derivatives.sensitivity import flowing, held_start, start_jacobians
 from ancf_casadi.estimation.block import MESH_ORDER, Block
 from ancf_casadi.estimation.determination import certainty
@@ -205,10 +205,8 @@ class BeamFit(BlocksResult):
     @cached_property
     def _ratio_warnings(self) -> list[str]:
         """Modal damping ratios that the modes of the fitted beam do not have, because their frequencies differ."""
-        notes, laws = list[str](), self.law.laws if isinstance(self.law, SumOfLaws) else (self.law,)
-        for law in laws:
-            if not isinstance(law, ModalDamping):
-                continue
+        notes: list[str] = []
+        for law in [term for term in law_terms(self.law) if isinstance(term, ModalDamping)]:
             # the beam may be unstable under gravity alone; that its modes differ from those of the law is said here
             with contextlib.suppress(AncfError), warnings.catch_warnings():
                 warnings.simplefilter("ignore")
@@ -216,12 +214,12 @@ class BeamFit(BlocksResult):
                 factors = np.array([self.estimates.get(frequency_name(k), 1.0) for k in range(modes.count)])
                 ratios = law.damping_ratios(modes, np.zeros(modes.count)) / factors
                 of_modes = zip(law.parameters, law.frequencies or (), modes.frequencies * factors, ratios, strict=True)
-                for parameter, given, frequency, ratio in of_modes:
-                    if abs(ratio - parameter.value) > self.standard_errors.get(parameter.name, math.inf):
-                        notes.append(
-                            f"{parameter.name} refers to {given:.4g} Hz, the frequency in the law; in the fitted beam "
-                            f"the mode has {frequency:.4g} Hz and the damping ratio {ratio:.4g}"
-                        )
+                notes += [
+                    f"{parameter.name} refers to {stated:.4g} Hz, the frequency in the law; in the fitted beam the "
+                    f"mode has {frequency:.4g} Hz and the damping ratio {ratio:.4g}"
+                    for parameter, stated, frequency, ratio in of_modes
+                    if abs(ratio - parameter.value) > self.standard_errors.get(parameter.name, math.inf)
+                ]
         return notes
 
     @property
@@ -398,7 +396,7 @@ class BeamFit(BlocksResult):
 
 def law_name(law: DampingLaw) -> str:
     """Return the name of a law with those of its parameters."""
-    terms = law.laws if isinstance(law, SumOfLaws) else (law,)
     return " + ".join(
-        f"{type(term).__name__}({', '.join(parameter.name for parameter in term.parameters)})" for term in terms
+        f"{type(term).__name__}({', '.join(parameter.name for parameter in term.parameters)})"
+        for term in law_terms(law)
     )

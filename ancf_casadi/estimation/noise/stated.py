@@ -42,7 +42,7 @@ DOUBTED, CONTRADICTED = 0.2, 0.05
 
 @dataclass(frozen=True, eq=False)
 class AssumedNoise:
-    """What is known of the noise of the residuals (m,) before a fit."""
+    """Order, times and stated standard deviations of the residuals (m,) of a fit, which its noise follows from."""
 
     series: Sequence[int] = ()  # lengths of the series of residuals, each in the order of time; white noise without
     times: Array | None = None  # of the residuals, s; if None, those of a series are equally spaced

@@ -69,10 +69,10 @@ def least_squares(
     if settings.closed_form:
         minimum, status = _by_ipopt(residuals, evaluate, y, huber, settings.advice)
     else:
-        near = None if jacobian is None else jacobian * y.scale
-        minimum, status = _by_gauss_newton(evaluate, y, settings, huber=huber, systematic=systematic, jacobian=near)
+        scaled = None if jacobian is None else jacobian * y.scale
+        minimum, status = _by_gauss_newton(evaluate, y, settings, huber=huber, systematic=systematic, jacobian=scaled)
     seconds = time.perf_counter() - began
-    lower, upper = y.lower / y.scale, y.upper / y.scale
+    lower, upper = y.scaled_bounds
     z, r, jacobian = minimum.z, minimum.residuals, minimum.jacobian
     bound_distance = np.maximum(AT_BOUND, _invisible_moves(r, jacobian, systematic))
     at_lower, at_upper = z - lower < bound_distance, upper - z < bound_distance
@@ -118,8 +118,7 @@ def _by_gauss_newton(
     evaluate: cs.Function, y: Coordinates, settings: SolverSettings, **weights: Any
 ) -> tuple[Minimum, str]:
     """Return the minimum by Gauss-Newton steps; raise a FitError if none was possible, or if they do not converge."""
-    bounds = y.lower / y.scale, y.upper / y.scale
-    minimum = minimise(evaluate, y.guess / y.scale, *bounds, inaccuracy=settings.inaccuracy, **weights)
+    minimum = minimise(evaluate, y.guess / y.scale, *y.scaled_bounds, inaccuracy=settings.inaccuracy, **weights)
     if not minimum.steps:
         _largest_weight(minimum.jacobian)  # check
     if not minimum.settled:
@@ -139,9 +138,11 @@ def _by_ipopt(
     weight = _largest_weight(jacobian)
     z = cs.MX.sym("z", len(y.scale))
     objective = loss(residuals(*y.symbols(cs.vertsplit(cs.DM(y.scale) * z))), huber) / weight
-    bounds = {"lower": y.lower / y.scale, "upper": y.upper / y.scale}
+    lower, upper = y.scaled_bounds
     options = {**TIGHT, **_near_start(r, weight)}
-    solution = solve_nlp({"x": z, "f": objective}, y.guess / y.scale, **bounds, options=options, advice=advice)
+    solution = solve_nlp(
+        {"x": z, "f": objective}, y.guess / y.scale, lower=lower, upper=upper, options=options, advice=advice
+    )
     linearisation = residuals_and_jacobian(evaluate, solution.x)
     return Minimum(solution.x, *linearisation, solution.iterations, settled=True), solution.status
 

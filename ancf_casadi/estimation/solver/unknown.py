@@ -129,6 +129,11 @@ class Coordinates:
         reciprocal = np.array([u.offset is not None for u in unknowns], dtype=bool)
         return cls(scale, guess, lower, upper, reciprocal, np.array([u.offset or 0.0 for u in unknowns]))
 
+    @property
+    def scaled_bounds(self) -> tuple[Array, Array]:
+        """Lower and upper bounds (n,) in units of the scales."""
+        return self.lower / self.scale, self.upper / self.scale
+
     def symbols(self, y: Sequence[cs.MX]) -> list[cs.MX]:
         """Return the unknowns as expressions of the coordinates."""
         kinds = zip(y, self.reciprocal.tolist(), self.offset.tolist(), strict=True)

@@ -30,13 +30,13 @@ import numpy as np
 import scipy.linalg
 
 from ancf_casadi.damping import DampingLaw, ModalDamping, QuadraticDamping, RayleighDamping, SumOfLaws
+from ancf_casadi.damping.law import law_terms
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.export.simulators.settings import (
     ExportedBeam,
     check_request,
     damping_coefficients,
     equal_speed_amplitudes,
-    law_terms,
     longest_step,
     write_template,
 )

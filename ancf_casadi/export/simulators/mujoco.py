@@ -25,12 +25,12 @@ from pathlib import Path
 import numpy as np
 
 from ancf_casadi.damping import DampingLaw, ModalDamping
+from ancf_casadi.damping.law import law_terms
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.export.simulators.settings import (
     COMPARED_MODES,
     ExportedBeam,
     SimulatorBeam,
-    law_terms,
     match_first_ratio,
     write_segments,
 )

@@ -29,8 +29,8 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from ancf_casadi.damping import DRAG_CONSTANT, DampingLaw, ModalDamping, QuadraticDamping, RayleighDamping, SumOfLaws
-from ancf_casadi.damping.law import refuse_branches
+from ancf_casadi.damping import DRAG_CONSTANT, DampingLaw, ModalDamping, QuadraticDamping, RayleighDamping
+from ancf_casadi.damping.law import law_terms, refuse_branches
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.export.simulators.segments import (
     SegmentedBeam,
@@ -172,11 +172,6 @@ class DampingCoefficients:
 def equal_speed_amplitudes(modes: Modes, amplitude: float) -> Array:
     """Return the tip amplitudes, m, at which all modes have the tip speed of mode 1 at the given amplitude."""
     return np.asarray(amplitude * modes.frequencies[0] / modes.frequencies)
-
-
-def law_terms(law: DampingLaw) -> tuple[DampingLaw, ...]:
-    """Return the terms of a sum of laws, or the law itself as the only term."""
-    return law.laws if isinstance(law, SumOfLaws) else (law,)
 
 
 def damping_coefficients(laws: Iterable[DampingLaw], modes: Modes, amplitude: float) -> DampingCoefficients:

@@ -31,7 +31,7 @@ from ancf_casadi.records.units import Unit, column_unit, parse_unit, sampling_un
 
 MAX_CHANNELS = 10_000
 STEP_NAMES = {"dt", "deltat", "ts", "tstep", "timestep", "tinc", "tinterval", "xincrement", "sampleinterval"}
-SAME_STEP = 1e-3  # relative difference of steps that agree, such as 1/60 s and 0.01667 s
+EQUAL_STEPS = 1e-3  # relative difference of steps that agree, such as 1/60 s and 0.01667 s
 RATE_NAMES = {"fs", "fsamp", "sr", "rate", "samplerate", "samplingrate", "samplefrequency", "samplingfrequency", "fps"}
 
 
@@ -136,7 +136,7 @@ def _places(path: str) -> Iterator[str]:
 def _common_step(stated: Mapping[str, float]) -> float:
     """Return the step in all statements, s; 0 if it is in doubt."""
     steps = list(stated.values())
-    return steps[0] if np.ptp(steps) <= SAME_STEP * steps[0] else 0.0
+    return steps[0] if np.ptp(steps) <= EQUAL_STEPS * steps[0] else 0.0
 
 
 def read_matlab(path: Path) -> Recording:

@@ -19,7 +19,7 @@ from typing import Any, Self
 import numpy as np
 
 from ancf_casadi.damping import DampingLaw, FrictionDamping, ModalDamping, QuadraticDamping
-from ancf_casadi.damping.law import SumOfLaws
+from ancf_casadi.damping.law import law_terms
 from ancf_casadi.estimation.block import Account, Fitted
 from ancf_casadi.estimation.refinement import LARGEST_SHIFT, meaningful
 from ancf_casadi.exceptions import NumericsError
@@ -235,9 +235,9 @@ class CurveBlock(ResponseBlock):
     @property
     def of_model(self) -> tuple[str, ...]:
         """The properties in the constants of the reduced model."""
-        terms, beam = self.law.laws if isinstance(self.law, SumOfLaws) else (self.law,), self.model.beam
+        beam = self.model.beam
         scales_all_stiffness = not any(lumped_kind(name) in ELASTIC for name in beam.lumped)
-        scales_no_damping = all(isinstance(term, WITHOUT_MODULUS) for term in terms)
+        scales_no_damping = all(isinstance(term, WITHOUT_MODULUS) for term in law_terms(self.law))
         as_factor = MODULUS if scales_all_stiffness and scales_no_damping else ()
         return tuple(name for name in self.first if name not in as_factor and property_value(beam, name))
 

@@ -47,6 +47,7 @@ MAX_UNEXPLAINED_BEFORE = 0.15  # unexplained share of the motion before the deca
 SMALL_UNEXPLAINED = 0.003  # unexplained share of the decay, beyond which a third of the share before is allowed
 DETECTED_REASONS = ("the first sample", "the end of")  # reasons for a release that the record shows
 GROWS = "the oscillation grows"
+FIRST_PERIODS = 2  # in which a fast pull ends before the release
 FEW_PERIODS = 5  # of free decay, below which there is a warning
 MAX_ORDER, ORDER_TOLERANCE = 5, 0.05  # highest harmonic that is named, and distance of its order from a whole number
 IMPRECISE = 0.1  # relative standard error of the damping ratio beyond which there is a warning
@@ -203,9 +204,14 @@ def _residual_warning(result: DecayFit, noise_free: float) -> str | None:
             f"the residuals ({residual} rms) are quantisation noise of a record with steps of {step}; the standard "
             "errors allow for their correlation"
         )
-    frequency = _residual_frequency(result)
-    order = frequency / result.frequency
-    if order < 0.5:
+    frequency, since = _residual_frequency(result), (result.time - result.time[0]) * result.frequency
+    order, squares = frequency / result.frequency, result.residuals**2
+    if since[-1] > FEW_PERIODS and squares[since < FIRST_PERIODS].sum() > squares.sum() / 2:
+        cause = (
+            "mostly in the first two periods: a pull or push, or a mode that fades fast, which a later release "
+            "(release_time) leaves out"
+        )
+    elif order < 0.5:
         cause = "a slow motion: compare rest positions"
     elif order < 1.5:
         cause = "near the mode itself: compare laws; a mode close by would look the same"

@@ -34,6 +34,7 @@ SERIES: tuple[tuple[str, object, str], ...] = (  # colour, dash, marker
     ("#3a7fc4", (0, (1, 1.2)), "^"),
     ("#b565a7", (0, (6, 1.5, 1, 1.5)), "D"),
     ("#b8860b", (0, (3, 1, 1, 1, 1, 1)), "v"),
+    ("#777777", (0, (8, 2)), "P"),
 )
 
 REFERENCE: dict[str, Any] = {"color": MEASURED, "ls": ":", "lw": 0.8}  # line with which others are compared

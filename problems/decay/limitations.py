@@ -206,12 +206,7 @@ def _residual_warning(result: DecayFit, noise_free: float) -> str | None:
         )
     frequency, since = _residual_frequency(result), (result.time - result.time[0]) * result.frequency
     order, squares = frequency / result.frequency, result.residuals**2
-    if since[-1] > FEW_PERIODS and squares[since < FIRST_PERIODS].sum() > squares.sum() / 2:
-        cause = (
-            "mostly in the first two periods: a pull or push, or a mode that fades fast, which a later release "
-            "(release_time) leaves out"
-        )
-    elif order < 0.5:
+    if order < 0.5:
         cause = "a slow motion: compare rest positions"
     elif order < 1.5:
         cause = "near the mode itself: compare laws; a mode close by would look the same"
@@ -219,6 +214,8 @@ def _residual_warning(result: DecayFit, noise_free: float) -> str | None:
         cause = f"{round(order)} times the frequency of the mode: a harmonic of it, or another mode there"
     else:
         cause = "another mode: fit_modes fits both"
+    if since[-1] > FEW_PERIODS and squares[since < FIRST_PERIODS].sum() > squares.sum() / 2:
+        cause += "; most of it in the first two periods: a later release_time leaves out a pull or push there"
     return (
         f"the residuals ({residual} rms, {100 * (1 - result.explained_share):.2g} % of the motion) are not noise: they "
         f"oscillate at {frequency:.4g} Hz, {cause}; the standard errors allow for it"

@@ -215,7 +215,7 @@ def _residual_warning(result: DecayFit, noise_free: float) -> str | None:
     else:
         cause = "another mode: fit_modes fits both"
     if since[-1] > FEW_PERIODS and squares[since < FIRST_PERIODS].sum() > squares.sum() / 2:
-        cause += "; most of it in the first two periods: a later release_time leaves out a pull or push there"
+        cause += "; most of it lies in the first two periods: if they hold a pull, give a later release_time"
     return (
         f"the residuals ({residual} rms, {100 * (1 - result.explained_share):.2g} % of the motion) are not noise: they "
         f"oscillate at {frequency:.4g} Hz, {cause}; the standard errors allow for it"

@@ -196,10 +196,15 @@ def _with_velocities(coordinates: Sequence[Signal]) -> tuple[Signal, ...]:
     return (*coordinates, *rates)
 
 
-def base_signals() -> tuple[Signal, ...]:
-    """Return the motion of the base: displacements and rotation, their velocities and accelerations."""
+def base_signals(*, turns: bool = True) -> tuple[Signal, ...]:
+    """Return the motion of the base: displacements and rotation, their velocities and accelerations.
+
+    A model whose rollers and guides would turn with the base, though they keep their direction, must not turn.
+    """
+    *displacements, (angle, unit, rotation) = BASE_SIGNALS
+    described = rotation if turns else f"{rotation}; keep it 0, as rollers and guides keep their direction"
     return (
-        *(Signal(name, unit, description) for name, unit, description in BASE_SIGNALS),
+        *(Signal(*signal) for signal in (*displacements, (angle, unit, described))),
         *(Signal(f"{name}_velocity", f"{unit}/s", f"velocity of {name}") for name, unit, _ in BASE_SIGNALS),
         *(Signal(f"{name}_acceleration", f"{unit}/s2", f"acceleration of {name}") for name, unit, _ in BASE_SIGNALS),
     )

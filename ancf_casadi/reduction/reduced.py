@@ -305,7 +305,7 @@ def _assemble_model(reduced: Reduction, markers: Sequence[float]) -> ReducedMode
         projection=projection,
         parameters=parameters,
         states=modal_signals(modes.frequencies.tolist()),
-        base=base_signals(),
+        base=base_signals(turns=not any(support.sliding for support in modes.model.beam.supports)),
         outputs=output_signals(markers),
         rhs=rhs,
         step=lawson_step(rhs, modes.angular_frequencies),

@@ -225,3 +225,9 @@ def test_what_cannot_be_reduced_is_refused():
     turned = SampledBase(np.linspace(0.0, 1.0, 6), np.zeros((6, 2)), np.linspace(0.0, 0.1, 6))
     with pytest.raises(InputError, match=r"^base: turns, while a roller or guide keeps its direction"):
         simulate_reduced(reduce_model(model, modes=2), base=turned, duration=0.1)
+
+
+@pytest.mark.parametrize(("last", "stays"), [(Roller(LENGTH), True), (Pin(LENGTH), False)])
+def test_an_exported_beam_on_rollers_says_that_its_base_must_not_turn(last, stays):
+    signals = {signal.name: signal for signal in reduce_model(strip(4, supports=(Pin(0.0), last)), modes=2).base}
+    assert ("keep it 0" in signals["base_angle"].description) is stays

@@ -11,7 +11,9 @@ and with both terms, to first order in the damping,
     a(t) = e0 exp(-x) / (1 + 4 omega eta2 e0 t/(3 pi) (1 - exp(-x))/x),    x = eta1 t/2,                 Eq. (27)
 
 written so that eta1 = 0 is no special case.  The viscous damping ratio with the same energy loss per period at the
-amplitude A is zeta_eq = eta1/(2 omega) + 4 eta2 A/(3 pi); friction adds 2 eta0/(pi omega^2 A).
+amplitude A is zeta_eq = eta1/(2 omega) + 4 eta2 A/(3 pi); friction adds 2 eta0/(pi omega^2 A).  To second order, the
+phase also lags: the oscillation is slower than omega by the fraction eta1/(4 omega) zeta_eq, and by 0.092 times the
+square of the part of zeta_eq that is due to eta2.  Eq. (27) leaves this out, so its omega is that of the oscillation.
 
 Slow flow.  Averaged over a period, the free oscillation r = A cos(theta) of one mode obeys
 

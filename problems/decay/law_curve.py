@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 
 import casadi as cs
 import numpy as np
@@ -149,12 +150,15 @@ def amplitude_table(fit: DecayFit) -> Table:
 
 
 def measured_curve(fit: DecayFit) -> DampingCurve | None:
-    """Return the windows of a fitted record; None if it is too short, or hidden by noise."""
+    """Return the windows of a fitted record, with the frequency that its law states; None if noise hides them all."""
     record = Measurement(fit.time, fit.measured, sensor=fit.model.sensor)
     try:
-        return damping_curve(record, release_time=fit.release_time)
+        windows = damping_curve(record, release_time=fit.release_time)
     except InputError:
         return None
+    if fit.law == "linear":
+        return windows
+    return replace(windows, frequency=windows.frequency * np.sqrt(1 - windows.damping_ratio**2))
 
 
 def decay_fit_figure(fits: Mapping[str, DecayFit]) -> Figure:

@@ -84,9 +84,10 @@ def spectrum_chart(frequencies: Array, amplitudes: Array) -> Options:
 def show_harmonics(chart: Options, frequency: float) -> None:
     """Draw lines at the frequency of a fit and at its harmonics into the chart of the spectrum."""
     names = {frequency: "f"} | {order * frequency: f"{order} f" for order in range(2, HARMONICS + 1)}
-    lines = [{"xAxis": place, "label": {"formatter": name, "color": TEXT}} for place, name in names.items()]
-    style = {"color": FIT, "type": "dotted"}
-    chart["series"][0]["markLine"] = {"symbol": "none", "silent": True, "lineStyle": style, "data": lines}
+    # at the axis, as a peak has its frequency above
+    label = {"position": "insideStart", "rotate": 0, "align": "left", "verticalAlign": "bottom", "color": TEXT}
+    lines = [{"xAxis": place, "label": {"formatter": name, **label}} for place, name in names.items()]
+    chart["series"][0]["markLine"] = {"symbol": "none", "silent": True, "lineStyle": {"color": FIT}, "data": lines}
 
 
 def amplitude_chart(view: DecayView, quantity: str, laws: Sequence[str] = ()) -> Options:

@@ -5,10 +5,11 @@ import math
 import casadi as cs
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
 from ancf_casadi.exceptions import InputError
 from problems import fit_decay
-from problems.decay.law_curve import law_curve
+from problems.decay.law_curve import law_curve, measured_curve
 from problems.decay.laws import DecayModel
 
 F, ETA2, A0 = 6.9, 0.4, 0.02
@@ -80,3 +81,36 @@ def test_the_figure_shows_record_residuals_and_both_curves(periods):
     windows = figure.axes[-2].containers[0].lines[0].get_xdata()
     assert 0 < len(np.asarray(windows)) <= 41
     figure.draw_without_rendering()
+
+
+def exact_motion(η1, η2, time):
+    """Return the displacement by Eq. (26) itself, released from 0.02 m at 2 Hz."""
+    ω = 4 * math.pi
+
+    def rates(t, y):
+        return [y[1], -η1 * y[1] - η2 * abs(y[1]) * y[1] - ω**2 * y[0]]
+
+    return solve_ivp(rates, (0.0, time[-1]), [0.02, 0.0], t_eval=time, rtol=1e-11, atol=1e-14).y[0]
+
+
+@pytest.mark.parametrize(("η1", "η2"), [(0.0, 2.0), (0.5, 1.0), (0.5, 0.0)])
+def test_windows_show_the_frequency_of_the_law_under_drag(η1, η2):
+    time = np.arange(0.0, 20.0, 0.01)
+    noise = 1e-5 * np.random.default_rng(0).standard_normal(time.size)
+    fit = fit_decay(time, exact_motion(η1, η2, time) + noise, law="quadratic")
+    windows = measured_curve(fit)
+    difference = windows.frequency - law_curve(fit, windows.amplitude).frequency
+    assert abs(difference / windows.frequency_errors).max() < 3.0
+
+
+@pytest.mark.parametrize(("η1", "η2"), [(0.0, 4.0), (0.5, 1.0), (0.2, 3.0)])
+def test_the_oscillation_is_slower_than_omega_in_the_second_order_of_the_damping(η1, η2):
+    """The line through the phase lag, weighted by the amplitude as in a fit, gives the frequency of the fit."""
+    time, ω = np.arange(0.0, 20.0, 0.01), 4 * math.pi
+    fit = fit_decay(time, exact_motion(η1, η2, time), law="quadratic", rest="zero")
+    drag = 4 * η2 / (3 * math.pi) * fit.decay.modes[0].model.amplitude(time, *map(cs.MX, fit.fit.values.tolist()))
+    drag = cs.evalf(drag).full().ravel()
+    slower = η1 / (4 * ω) * (η1 / (2 * ω) + drag) + 0.092 * drag**2
+    lag = ω * np.concatenate([[0.0], np.cumsum((slower[1:] + slower[:-1]) / 2 * np.diff(time))])
+    slope = np.polyfit(time, lag, 1, w=drag)[0]
+    assert 1 - fit.frequency / 2.0 == pytest.approx(slope / ω, rel=0.02)

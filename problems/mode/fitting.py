@@ -228,7 +228,8 @@ def _mode_problem(
         fitted_decays = []
         for k, fit in enumerate(separate_fits, start=1):
             curve_names = tuple(name if name in law_names else f"{name}_{k}" for name in fit.fit.names)
-            mode = DecayMode(replace(fit.model, reference=reference, span=span), curve_names)
+            model_of_decay = replace(fit.model, reference=reference, span=span, lags=bool(curves))
+            mode = DecayMode(model_of_decay, curve_names)
             fitted_decays.append(replace(fit.decay, modes=(mode,)))
             release_unknowns = [unknown for unknown in fit.fit.unknowns if unknown.name not in law_names]
             release_unknowns = with_guesses(release_unknowns, fit.fit.estimates)

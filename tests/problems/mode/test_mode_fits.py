@@ -6,6 +6,7 @@ from functools import cache, partial
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
+from scipy.special import gamma
 
 from ancf_casadi import FitError, InputError, Measurement, Sensor
 from problems import ResponseRecord, fit_decay, fit_mode, law_curve
@@ -189,6 +190,36 @@ def test_a_decay_and_a_resonance_together_have_smaller_errors_than_either():
     natural, _ = oscillator.backbone(joint.max_amplitude, OMEGA)
     assert joint.estimates["frequency"] == pytest.approx(natural, abs=3 * joint.standard_errors["frequency"])
     assert {agreement.name for agreement in joint.agreements} >= {"frequency_at_zero", "damping_ratio"}
+
+
+@pytest.mark.parametrize(("law", "power", "ratio"), [("quadratic", 2.0, 0.015), ("power", 0.5, 0.03)])
+def test_a_decay_and_a_curve_state_the_same_natural_frequency(law, power, ratio):
+    """x'' + 0.5 x' + eta |x'|^p sign(x') + omega^2 x = u, exactly; the second order of the damping slows the decay.
+
+    The power alone has no linear term.  The curve is the balance of the fundamental, of first order in the damping.
+    """
+    ω, size, time = 4 * np.pi, 0.02, np.arange(0.0, 12.0, 0.01)
+    c = 0.5 * (law == "quadratic")
+    eta = ratio * ω / (size * ω) ** (power - 1) * np.sqrt(np.pi) * gamma(power / 2 + 1.5) / gamma(power / 2 + 1)
+    A = np.geomspace(0.002, 0.02, 21)
+    rates = c / 2 + ratio * ω * (A / size) ** (power - 1)
+    W = ω * np.sqrt(1 + np.linspace(-0.1, 0.1, 21))
+    balance = ω**2 - W**2 + 2j * rates * W
+    rng = np.random.default_rng(0)
+
+    def motion(_, y):
+        return [y[1], -c * y[1] - eta * abs(y[1]) ** power * np.tanh(y[1] / 1e-5) - ω**2 * y[0]]
+
+    run = solve_ivp(motion, (0.0, 12.0), [size, 0.0], t_eval=time, rtol=1e-9, atol=1e-12, method="LSODA")
+    decay = Measurement(time, run.y[0] + 4e-5 * rng.standard_normal(time.size))
+    values = (
+        A * np.exp(-1j * np.angle(balance)) * (1 + 0.005 * (rng.standard_normal(21) + 1j * rng.standard_normal(21)))
+    )
+    curve = ResponseRecord(W / (2 * np.pi), values, levels=A * abs(balance), excitation_unit="N")
+    both = fit_mode([decay, curve], law=law)
+    assert both.estimates["frequency"] == pytest.approx(2.0, rel=2e-4 if law == "power" else 3e-5)
+    (agreement,) = [a for a in both.agreements if a.name.startswith("frequency")]
+    assert agreement.probability > 0.01
 
 
 @pytest.mark.parametrize("gather", [tuple, list])

@@ -209,8 +209,8 @@ class DecayModel:
         """Return the unknowns of the frequency law; k begins at 0, or at one turn where it has a second unknown."""
         turn = 1 / (guess.ω * guess.duration)  # relative change of the frequency that turns the phase by 1 rad
         unknowns = (
-            Unknown("frequency_slope", 0.0, turn / guess.amplitude, unit="1/m"),
-            Unknown("frequency_curvature", 0.0, turn / guess.amplitude**2, unit="1/m^2"),
+            Unknown("frequency_slope", 0.0, turn / guess.amplitude, unit=self.unit("frequency_slope")),
+            Unknown("frequency_curvature", 0.0, turn / guess.amplitude**2, unit=self.unit("frequency_curvature")),
             Unknown("frequency_change", turn, turn),
             Unknown("frequency_exponent", 1.0, 1.0, *FREQUENCY_EXPONENTS),
             Unknown("frequency_log_slope", turn, turn),
@@ -235,14 +235,14 @@ class DecayModel:
             ]
         unit = {"eta1": 2 * ω, "eta2": 3 * math.pi / (4 * A), "eta0": math.pi * ω**2 * A / 2}  # with a ratio of 1
         share = guess.ζ / len(names)
-        return [Unknown(n, share * unit[n], scale * unit[n], 0.0, unit=DECAY_QUANTITIES[n].unit) for n in names]
+        return [Unknown(n, share * unit[n], scale * unit[n], 0.0, unit=self.unit(n)) for n in names]
 
     def release_unknowns(self, guess: DecayGuess) -> list[Unknown]:
         """Return the unknowns of a release and its record."""
         A, sensor_amplitude = guess.amplitude, guess.amplitude * guess.ω**self.sensor.derivatives
-        reported = Reported("e0", "amplitude", self.unit("amplitude"))
+        reported = Reported("e0", "amplitude", unit := self.unit("amplitude"))
         release = [
-            Unknown("e0", A, A, lower=0.0, unit="m", reported=reported),
+            Unknown("e0", A, A, lower=0.0, unit=unit, reported=reported),
             Unknown("phase", guess.phase, unit="rad"),
         ]
         scales = sensor_amplitude, sensor_amplitude / guess.length, 1 / guess.length

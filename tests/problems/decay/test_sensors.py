@@ -71,6 +71,15 @@ def test_the_units_are_those_of_the_sensor():
     assert fit_decay(turned, law="quadratic", release_time=0.0).units["eta2"] == "1/rad"
 
 
+def test_the_unknowns_have_the_units_of_the_quantities():
+    turned = Measurement(TIME[::10], curve("linear", "constant", Sensor("slope"))[::10], sensor=Sensor("slope"))
+    fit = fit_decay(turned, law="quadratic", frequency_law="linear", release_time=0.0)
+    units = {unknown.name: unknown.unit for unknown in fit.fit.unknowns}
+    assert units["e0"] == fit.units["amplitude"] == "rad"
+    for name in ("eta2", "frequency_slope"):
+        assert units[name] == fit.units[name] == "1/rad"
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("quantity", ["velocity", "acceleration"])
 def test_curves_against_amplitude_are_those_of_the_displacement(quantity):

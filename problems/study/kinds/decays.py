@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Annotated, Literal, Self, final
+from typing import Annotated, Any, Literal, Self, final
 
 import casadi as cs
 import numpy as np
@@ -179,11 +179,13 @@ def decays_finding(
     terms = dict.fromkeys(term for law in laws for term in DECAY_TERMS[law])
     for name in ("frequency", *terms, "damping_ratio", "amplitude"):
         rows = [by_name.get(name, missing) for by_name in estimates]
-        scale, unit = (100.0, "%") if name == "damping_ratio" else (1.0, max(row["unit"] for row in rows))
-        head = f"{name.replace('_', ' ')}, {unit}".removesuffix(", ")
-        columns[head] = [scale * row["value"] for row in rows]
-        errors[head] = [scale * (row["standard_error"] or math.nan) for row in rows]
-        printed_by_head[head] = (printed or {}).get(name)
+        for unit in dict.fromkeys(row["unit"] for row in rows if row is not missing):  # records of several sensors
+            scale, shown_unit = (100.0, "%") if name == "damping_ratio" else (1.0, unit)
+            head = f"{name.replace('_', ' ')}, {shown_unit}".removesuffix(", ")
+            in_unit: list[dict[str, Any]] = [row if row["unit"] == unit else missing for row in rows]
+            columns[head] = [scale * row["value"] for row in in_unit]
+            errors[head] = [scale * (row["standard_error"] or math.nan) for row in in_unit]
+            printed_by_head[head] = (printed or {}).get(name)
     if "eta2" in terms:
         columns["correlation"] = [fit["correlation"] for fit in data]
     sources = dict.fromkeys(decay.synthetic for decay in decays if decay.synthetic)

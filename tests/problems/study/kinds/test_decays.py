@@ -9,9 +9,11 @@ import pytest
 
 from ancf_casadi import FitError, InputError, Measurement
 from ancf_casadi.decay.closed_forms import linear_decay, quadratic_decay
+from ancf_casadi.records.sensor import Sensor
 from problems.paper import table_02, table_04
-from problems.study.kinds.decays import SYNTHETIC_STD, SyntheticDecay, fit_plain, synthetic_decays
+from problems.study.kinds.decays import SYNTHETIC_STD, SyntheticDecay, decays_finding, fit_plain, synthetic_decays
 from problems.study.study import run_study
+from tests.problems.conftest import column
 from tests.problems.paper import numbers as paper
 
 QUADRATIC = SyntheticDecay(3.0, 0.02, eta1=0.3, eta2=5.0), SyntheticDecay(7.0, 0.02, eta1=0.2, eta2=8.0)
@@ -71,6 +73,17 @@ def test_a_measured_record_is_not_called_synthetic(study_file, tmp_path):
     assert measured["frequency_hz"] * math.sqrt(1 - 0.01**2) == pytest.approx(4.0, rel=2e-4)
     assert measured["amplitude_m"] == pytest.approx(8e-3, rel=0.01)
     assert "SYNTHETIC" not in report.steps[0].figures[0].svg
+
+
+def test_amplitudes_of_different_sensors_stand_below_their_own_units():
+    decay, _ = synthetic_decays(QUADRATIC, 3)
+    turned = replace(decay, record=replace(decay.record, sensor=Sensor("slope")))
+    records = [decay, turned]
+    (table,) = decays_finding(records, [fit_plain(record, "quadratic", None) for record in records]).tables
+    for quantity, units in {"amplitude": ("m", "rad"), "eta2": ("1/m", "1/rad")}.items():
+        in_first, in_second = (column(table, f"{quantity}, {unit}") for unit in units)
+        assert math.isfinite(in_first[0]) and math.isnan(in_first[1])
+        assert math.isnan(in_second[0]) and math.isfinite(in_second[1])
 
 
 @pytest.mark.slow

@@ -31,6 +31,8 @@ class Rayleigh(Step):
 
     def prepare(self, study: Study, where: str) -> Self:
         """Return the step with its printed numbers, once its modes have a law."""
+        if self.identified_by and self.ratio_std:
+            raise InputError("are found by the step that identified_by names; leave them out", f"{where}: ratio_std")
         with error_prefix(where):
             fit_rayleigh(self.frequencies, self.ratios, ratio_std=self.ratio_std or None)
         return replace(self, printed=printed_numbers(self.printed, {"value": 2}, where))

@@ -43,6 +43,12 @@ def test_another_part_than_decays_is_refused(study_file, data):
         finding(study_file, DECAYS, text, decays=Finding(data))
 
 
+def test_deviations_that_a_step_finds_are_not_stated_too(study_file):
+    text = f'{RAYLEIGH}identified_by = "decays"\nratio_std = [1e-4, 2e-4]\n'
+    with pytest.raises(InputError, match="ratio_std"):
+        read_study(study_file(DECAYS, text))
+
+
 @pytest.mark.slow
 def test_the_table_shows_the_ratio_of_every_mode():
     """Erratum 5: Eq. (16) gives 0.3358, 0.5656, 0.9057 % for modes 3 to 5."""

@@ -179,6 +179,9 @@ class LoadColumnsSpec(Spec, frozen=True):
 
     def cases(self, contents: Recording, count: int) -> list[list[PointLoad]]:
         """Return the load of each case, none where the mass is 0."""
+        entries = [self.mass, *(self.force if isinstance(self.force, tuple) else ())]
+        if self.unit is not None and not any(isinstance(entry, str) for entry in entries):
+            raise InputError("is that of a column of mass or force, and none is named; numbers are in kg and N", "unit")
 
         def values(key: str, entry: Any) -> Any:
             if isinstance(entry, tuple):

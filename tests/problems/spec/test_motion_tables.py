@@ -270,6 +270,8 @@ class TestRecords:
         [
             ("mass_g,x_mm\n1,2\n", "load = 3", r"\[statics\]: load: must be a table or a list"),
             ("mass_g,x_mm\n1,2\n", "load = {mass = true}", r"\[statics\]: load: mass: must be a number or a text"),
+            ("mass_g,x_mm\n1,2\n", "load = {mass = 100.0, unit = 'g'}", r"\[statics\]: load: unit: "),
+            ("mass_g,x_mm\n1,2\n", "load = {force = [0.0, 1.0], unit = 'mN'}", r"\[statics\]: load: unit: "),
             ("mass_g,x_mm\n1,2\n", "load = {mass = 'm'}", r"\[statics\]: load: mass: \S*sag.csv: .*no such column"),
             ("mass,x_mm\n1,2\n", "load = {mass = 'mass'}", r"load: mass: \S*sag.csv: column 1 'mass': has no unit"),
             ("m_mm,x_mm\n1,2\n", "load = {mass = 'm_mm'}", r"column 1 'm_mm': is in mm, a unit of length, not of mass"),

@@ -240,7 +240,8 @@ class DecayModel:
     def release_unknowns(self, guess: DecayGuess) -> list[Unknown]:
         """Return the unknowns of a release and its record."""
         A, sensor_amplitude = guess.amplitude, guess.amplitude * guess.ω**self.sensor.derivatives
-        reported = Reported("e0", "amplitude", unit := self.unit("amplitude"))
+        unit = self.unit("amplitude")
+        reported = Reported("e0", "amplitude", unit)
         release = [
             Unknown("e0", A, A, lower=0.0, unit=unit, reported=reported),
             Unknown("phase", guess.phase, unit="rad"),

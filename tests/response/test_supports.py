@@ -20,8 +20,11 @@ from ancf_casadi import (
     Spring,
     State,
     backbone,
+    frequency_response,
     linear_frf,
+    natural_modes,
     periodic_motion,
+    reduce_model,
     simulate,
 )
 from ancf_casadi.response.harmonic_balance.beams import full_system
@@ -203,3 +206,30 @@ def test_a_turned_clamp_turns_the_direction_in_which_responses_are_read(angle):
     assert phases[1] == pytest.approx(phases[0], abs=1e-6)
     curve = backbone(turned, amplitude=0.02, points=2)
     assert curve.amplitudes[-1] == pytest.approx(0.02, rel=0.5)
+
+
+@pytest.mark.parametrize("amplitude", [4.229485e-4, 6.968284e-4, 8.944272e-4, 4e-3])
+def test_a_beam_on_a_roller_has_a_steady_state_at_every_amplitude(amplitude):
+    """Newton's method fails in long steps, because the beam hardly stretches; the reduced model does not stretch."""
+    model, law = strip(8, supports=(Pin(0.0), Roller(LENGTH))), RayleighDamping(alpha=0.5)
+    frequency = 1.07 * natural_modes(model, count=1).frequencies[0]
+    base = HarmonicBase(amplitude=amplitude, frequency=frequency, direction=(0.0, 1.0))
+    reduced = periodic_motion(reduce_model(model, modes=5, damping=law), base=base)
+    full = periodic_motion(model, damping=law, base=base)
+    assert full.amplitude(0.5) == pytest.approx(reduced.amplitude(0.5), rel=4e-4)
+
+
+@pytest.mark.slow
+def test_the_resonance_of_a_beam_on_a_roller_has_no_fold_in_small_motion():
+    """A step that lands on the other side of the resonance would turn back, and count as two folds."""
+    strip_of_steel = Beam.uniform(length=0.5, width=5e-3, thickness=0.5e-3, density=8000.0, elastic_modulus=210e9,
+                                  elements=6, axis=(1.0, 0.0), gravity=(0.0, 0.0),
+                                  supports=(Pin(0.0), Roller(0.5)))  # fmt: skip
+    model, law = Model(strip_of_steel), RayleighDamping(alpha=0.8)
+    frequency = natural_modes(model, count=1).frequencies[0]
+    ends = 0.9 * frequency, 1.1 * frequency
+    base = HarmonicBase(amplitude=1e-4, frequency=ends[0], direction=(0.0, 1.0))
+    curve = frequency_response(model, ends, damping=law, base=base)
+    assert not curve.bifurcations and (np.diff(curve.frequencies) > 0.0).all()
+    reduced = frequency_response(reduce_model(model, modes=4, damping=law), ends, base=base)
+    assert curve.amplitude(0.25).max() == pytest.approx(reduced.amplitude(0.25).max(), rel=1e-3)

@@ -4,9 +4,10 @@ From a point z_0 with the unit tangent t, in scaled unknowns (``family``), the n
 
     t . (z - z_0)/s = h,        guess z_0 + h s t,
 
-which is regular at folds, where the curve turns in frequency.  The step h follows the angle between successive tangents
-and is halved where Newton's method fails or the angle is large.  At each point the numbers of harmonics and samples are
-increased until the estimated error (``balance``) is below the tolerance.
+which is regular at folds, where the curve turns in frequency.  The step h follows the angle between successive
+tangents, or twice that between a tangent and the chord, and is halved where Newton's method fails or the angle is
+large: a step across a resonance meets the curve again, with a similar tangent but a long chord.  At each point the
+numbers of harmonics and samples are increased until the estimated error (``balance``) is below the tolerance.
 
 References
 ----------
@@ -106,7 +107,8 @@ def follow(
         else:
             old_tangent = transfer_vector(tangent, point, end)
             new_tangent = end.tangent(old_tangent)
-            angle = 2 * np.arcsin(min(float(np.linalg.norm(new_tangent - old_tangent)) / 2, 1.0))
+            turn = 2 * np.arcsin(min(float(np.linalg.norm(new_tangent - old_tangent)) / 2, 1.0))
+            angle = max(turn, 2 * _chord_angle(point, tangent, end))  # equal on a circle
         if angle > 0.6:  # rad; beyond it, a step may have left the curve
             length /= 2
             if length < 1e-7:
@@ -119,6 +121,13 @@ def follow(
         tangent = transfer_vector(new_tangent, end, point)
         # the step aims at an angle of 0.25 rad between successive tangents
         length = min(length * min(2.0, max(0.5, 0.25 / max(angle, 1e-3))), 4.0)
+
+
+def _chord_angle(start: Point, tangent: Array, end: Point) -> float:
+    """Return the angle between the tangent at the start of a step and the chord to its end, rad."""
+    family = start.family
+    chord = (end.family.resize(end.z, family.balance.fourier.harmonics) - start.z) / family.scale
+    return float(np.arctan2(np.linalg.norm(chord - (tangent @ chord) * tangent), tangent @ chord))
 
 
 def step_along(point: Point, tangent: Array, length: float) -> Point:

@@ -85,8 +85,8 @@ class DecayFit(LeastSquaresResult):
     frequency = _quantity(
         "frequency",
         "Frequency, Hz: under the linear law the undamped natural one; under the others, which are of first order in "
-        "the damping, that of the oscillation, lower by up to half the square of the damping ratio.  If it depends on "
-        "the amplitude, it is that at ``amplitude``.",
+        "the damping, that of the oscillation, which is lower by about the square of the damping ratio.  If it depends "
+        "on the amplitude, it is that at ``amplitude``.",
     )
     frequency_slope = _quantity("frequency_slope", "k in f_0 (1 + k A), 1/m; 0 under the other frequency laws.")
     frequency_curvature = _quantity("frequency_curvature", "k in f_0 (1 + k A^2), 1/m^2; 0 under the other ones.")

@@ -5,7 +5,6 @@ import math
 import casadi as cs
 import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
 
 from ancf_casadi.decay.closed_forms import (
     equivalent_damping_ratio,
@@ -18,6 +17,7 @@ from ancf_casadi.decay.first_guess import first_guess
 from ancf_casadi.decay.release import find_release
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.records.measurement import Measurement
+from tests.decay.integration import drag_motion
 
 TIME = np.arange(0.0, 5.0, 1 / 500)
 TABLE_4 = [  # Hz, 1/s, 1/m (the paper's are per mm), and the amplitude in m that its equivalent ratio implies
@@ -59,19 +59,11 @@ def test_the_quadratic_decay_approximates_a_numerical_solution(frequency, η1, �
     ω = 2 * math.pi * frequency
     period = 1 / frequency
     times = np.arange(0, 20 * period, period / 100)
-    motion = solve_ivp(
-        lambda t, y: [y[1], -η1 * y[1] - η2 * y[1] * abs(y[1]) - ω**2 * y[0]],
-        (0, times[-1]),
-        [e0, 0.0],
-        t_eval=times,
-        method="DOP853",
-        rtol=1e-10,
-        atol=1e-12,
-    )
+    displacement, velocity = drag_motion(η1, η2, ω, [e0, 0.0], times)
     ratio = equivalent_damping_ratio(η1, η2, ω, e0)
     closed = numbers(quadratic_decay(cs.DM(times), ω, η1, η2, e0, 0.0))
-    np.testing.assert_allclose(closed, motion.y[0], atol=1.1 * ratio * e0)
-    measured = np.hypot(motion.y[0], motion.y[1] / ω)[::100]
+    np.testing.assert_allclose(closed, displacement, atol=1.1 * ratio * e0)
+    measured = np.hypot(displacement, velocity / ω)[::100]
     envelope = numbers(quadratic_envelope(cs.DM(times[::100]), ω, η1, η2, e0))
     np.testing.assert_allclose(envelope, measured, rtol=2 * ratio**2 + 1e-8)
 

@@ -5,7 +5,6 @@ import math
 import casadi as cs
 import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicSpline
 from scipy.signal import lfilter
 
@@ -13,6 +12,7 @@ from ancf_casadi.decay.closed_forms import equivalent_damping_ratio, friction_de
 from ancf_casadi.decay.envelope import damping_curve
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.records.measurement import Measurement
+from tests.decay.integration import drag_motion
 
 TIME = np.arange(0.0, 15.0, 1 / 500)
 ω, E0 = 2 * math.pi * 1.85, 0.076
@@ -45,16 +45,8 @@ def test_the_curve_is_the_equivalent_damping_ratio_at_each_amplitude(terms):
 def test_the_equation_of_motion_shows_its_terms():
     """A line through the curve of a numerical solution of Eq. (26) has eta1/(2 omega) and 4 eta2/(3 pi)."""
     η1, η2 = 0.1, 0.3
-    motion = solve_ivp(
-        lambda t, y: [y[1], -η1 * y[1] - η2 * y[1] * abs(y[1]) - ω**2 * y[0]],
-        (0.0, 15.0),
-        [E0, 0.0],
-        t_eval=TIME,
-        method="DOP853",
-        rtol=1e-10,
-        atol=1e-12,
-    )
-    curve = damping_curve(Measurement(TIME, motion.y[0]))
+    displacement, _ = drag_motion(η1, η2, ω, [E0, 0.0], TIME)
+    curve = damping_curve(Measurement(TIME, displacement))
     slope, intercept = np.polyfit(curve.amplitude, curve.damping_ratio, 1)
     assert slope == pytest.approx(4 * η2 / (3 * math.pi), rel=0.01)
     assert intercept == pytest.approx(η1 / (2 * ω), rel=0.02)

@@ -4,9 +4,9 @@ import math
 
 import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
 
 from problems import fit_decay
+from tests.decay.integration import drag_motion
 
 FREQUENCY, NOISE = 1.85, 2e-5  # Hz, m
 TIME = np.arange(0.0, 5.0, 1 / 200)
@@ -14,17 +14,8 @@ TIME = np.arange(0.0, 5.0, 1 / 200)
 
 def solution(η1, η2, r0=0.076, v0=-0.1):
     """Return the displacement of the mode with white noise."""
-    ω = 2 * math.pi * FREQUENCY
-    motion = solve_ivp(
-        lambda t, y: [y[1], -η1 * y[1] - η2 * y[1] * abs(y[1]) - ω**2 * y[0]],
-        (0.0, TIME[-1]),
-        [r0, v0],
-        t_eval=TIME,
-        method="DOP853",
-        rtol=1e-12,
-        atol=1e-14,
-    )
-    return motion.y[0] + NOISE * np.random.default_rng(2).standard_normal(len(TIME))
+    displacement, _ = drag_motion(η1, η2, 2 * math.pi * FREQUENCY, [r0, v0], TIME)
+    return displacement + NOISE * np.random.default_rng(2).standard_normal(len(TIME))
 
 
 @pytest.mark.parametrize(("η1", "η2"), [(0.03, 0.1), (0.15, 0.11), (0.0, 0.25)])

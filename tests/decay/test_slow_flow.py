@@ -19,6 +19,7 @@ from ancf_casadi.decay.closed_forms import (
 )
 from ancf_casadi.decay.phase import frequency_change, integral
 from ancf_casadi.decay.smooth import flow_amplitude
+from tests.decay.integration import integrated
 
 ω, E0 = 11.6, 0.076
 NODES = E0 * 50.0 ** (-np.arange(7) / 6)  # of a smooth frequency
@@ -68,23 +69,15 @@ def power(rate, p):
     return lambda t: power_envelope(t, ω, rate, p, E0)
 
 
-def integrated(rate, time=TIME):
+def averaged(rate):
     """Amplitude and its integrals by an integrator of order 8."""
-    return solve_ivp(
-        lambda t, y: [rate(y[0]), y[0], y[0] ** 2],
-        (0.0, time[-1]),
-        [E0, 0.0, 0.0],
-        t_eval=time,
-        method="DOP853",
-        rtol=1e-12,
-        atol=1e-17,
-    ).y
+    return integrated(lambda A, *_: [rate(A), A, A**2], [E0, 0.0, 0.0], TIME)
 
 
 @pytest.mark.parametrize(("η0", "η1", "η2"), TERMS)
 def test_amplitude_and_integrals_solve_the_averaged_equation(η0, η1, η2):
     a, b, c = η1 / 2, 4 * ω * η2 / (3 * math.pi), 2 * η0 / (math.pi * ω)
-    expected = integrated(lambda A: -(c + a * A + b * A**2))
+    expected = averaged(lambda A: -(c + a * A + b * A**2))
     for envelope in [friction(η0, η1, η2), *([] if η0 else [quadratic(η1, η2)])]:
         for computed, right in zip(numbers(envelope), expected, strict=True):
             np.testing.assert_allclose(computed, right, rtol=1e-10)
@@ -92,7 +85,7 @@ def test_amplitude_and_integrals_solve_the_averaged_equation(η0, η1, η2):
 
 @pytest.mark.parametrize("p", EXPONENTS)
 def test_the_flow_of_the_power_law_solves_its_averaged_equation(p):
-    expected = integrated(lambda A: -0.15 * E0 * (A / E0) ** p)
+    expected = averaged(lambda A: -0.15 * E0 * (A / E0) ** p)
     for computed, right in zip(numbers(power(0.15, p)), expected, strict=True):
         np.testing.assert_allclose(computed, right, rtol=1e-10)
 
@@ -166,15 +159,7 @@ def test_the_power_law_is_the_decay_of_the_oscillator(p):
     ratio = 0.005
     η = float(power_coefficient(cs.DM(ratio), cs.DM(p), ω, E0))
     time = np.linspace(0.0, 12.0, 2001)
-    motion = solve_ivp(
-        lambda t, y: [y[1], -η * abs(y[1]) ** p * np.sign(y[1]) - ω**2 * y[0]],
-        (0.0, time[-1]),
-        [E0, 0.0],
-        t_eval=time,
-        method="DOP853",
-        rtol=1e-9,
-        atol=1e-12,
-    ).y
+    motion = integrated(lambda r, v: [v, -η * abs(v) ** p * np.sign(v) - ω**2 * r], [E0, 0.0], time)
     amplitude = numbers(power(ratio * ω, p), time)[0]
     measured = np.hypot(motion[0], motion[1] / ω)
     assert amplitude[-1] < 0.75 * E0
@@ -189,15 +174,7 @@ def test_the_phase_of_a_decaying_duffing_oscillator_follows_its_amplitude(harden
     k2 = hardening * 0.01 / E0**2
     α, η1, η2 = 8 * k2 * ω**2 / 3, 0.05, 0.1
     time = np.linspace(0.0, 60 * math.pi / ω, 6001)
-    motion = solve_ivp(
-        lambda t, y: [y[1], -η1 * y[1] - η2 * y[1] * abs(y[1]) - ω**2 * y[0] - α * y[0] ** 3],
-        (0.0, time[-1]),
-        [E0, 0.0],
-        t_eval=time,
-        method="DOP853",
-        rtol=1e-10,
-        atol=1e-13,
-    ).y[0]
+    motion, _ = integrated(lambda r, v: [v, -η1 * v - η2 * v * abs(v) - ω**2 * r - α * r**3], [E0, 0.0], time)
     amplitude, _, second = numbers(quadratic(η1, η2), time)
     late = time > 50 * math.pi / ω
     error = np.abs(amplitude * np.cos(ω * (time + k2 * second)) - motion)[late].max() / amplitude[late].max()

@@ -5,12 +5,12 @@ import math
 import casadi as cs
 import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
 
 from ancf_casadi.exceptions import InputError
 from problems import fit_decay
 from problems.decay.law_curve import law_curve, measured_curve
 from problems.decay.laws import DecayModel
+from tests.decay.integration import drag_motion
 
 F, ETA2, A0 = 6.9, 0.4, 0.02
 
@@ -85,12 +85,7 @@ def test_the_figure_shows_record_residuals_and_both_curves(periods):
 
 def exact_motion(η1, η2, time):
     """Return the displacement by Eq. (26) itself, released from 0.02 m at 2 Hz."""
-    ω = 4 * math.pi
-
-    def rates(t, y):
-        return [y[1], -η1 * y[1] - η2 * abs(y[1]) * y[1] - ω**2 * y[0]]
-
-    return solve_ivp(rates, (0.0, time[-1]), [0.02, 0.0], t_eval=time, rtol=1e-11, atol=1e-14).y[0]
+    return drag_motion(η1, η2, 4 * math.pi, [0.02, 0.0], time)[0]
 
 
 @pytest.mark.parametrize(("η1", "η2"), [(0.0, 2.0), (0.5, 1.0), (0.5, 0.0)])

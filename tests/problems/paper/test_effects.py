@@ -5,7 +5,6 @@ import math
 import casadi as cs
 import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
 
 from ancf_casadi import Model, QuadraticDamping, natural_modes
 from ancf_casadi.decay.closed_forms import quadratic_envelope
@@ -19,6 +18,7 @@ from problems.paper.effects import (
     simulate_decay,
     tune_beam,
 )
+from tests.decay.integration import drag_motion
 
 TIME = np.linspace(0.0, 15.0, 3001)
 START = 0.2126  # m, from which Quadratic 3 and 4 cross at 5 s
@@ -66,14 +66,7 @@ def test_the_motion_by_the_formula_solves_eq_26_from_rest(decay):
     """Against a numerical solution of one mode, 0.1 zeta of the start; as printed, Eq. (27) is off by zeta."""
     omega, law = 2 * np.pi * decay.frequency, decay.law
     zeta = law.eta1 / (2 * omega) + 4 * law.eta2 * 0.076 / (3 * np.pi)
-
-    def rates(_, state):
-        r, v = state
-        return [v, -law.eta1 * v - law.eta2 * v * abs(v) - omega**2 * r]
-
-    exact = solve_ivp(
-        rates, (0.0, decay.time[-1]), [0.076, 0.0], t_eval=decay.time, method="DOP853", rtol=1e-9, atol=1e-12
-    ).y[0]
+    exact, _ = drag_motion(law.eta1, law.eta2, omega, [0.076, 0.0], decay.time)
     assert decay.formula_tip[0] == pytest.approx(0.076)
     assert abs(decay.formula_tip - exact).max() < 0.15 * zeta * 0.076
     printed = decay.formula.amplitude * np.cos(omega * decay.time)

@@ -15,6 +15,7 @@ A support may sit away from the place of the unloaded beam: a displacement along
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar, final
 
@@ -190,6 +191,11 @@ class Guide(Support):
 
     direction: tuple[float, float] = (1.0, 0.0)
     rotation: float = field(default=0.0, kw_only=True)
+
+
+def can_slide(supports: Iterable[Support]) -> bool:
+    """Return whether the beam slides along one of the supports, whose direction does not turn with the base."""
+    return any(support.sliding for support in supports)
 
 
 def check_point(point: float, where: str = "point") -> float:

@@ -47,6 +47,7 @@ from ancf_casadi.dynamics.signals import (
 )
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.model import Model
+from ancf_casadi.mechanics.supports import can_slide
 from ancf_casadi.reduction.bending import (
     BendingMotion,
     SlopeProjection,
@@ -305,7 +306,7 @@ def _assemble_model(reduced: Reduction, markers: Sequence[float]) -> ReducedMode
         projection=projection,
         parameters=parameters,
         states=modal_signals(modes.frequencies.tolist()),
-        base=base_signals(turns=not any(support.sliding for support in modes.model.beam.supports)),
+        base=base_signals(turns=not can_slide(modes.model.beam.supports)),
         outputs=output_signals(markers),
         rhs=rhs,
         step=lawson_step(rhs, modes.angular_frequencies),

@@ -29,6 +29,7 @@ from ancf_casadi.dynamics.trajectory import Motion
 from ancf_casadi.exceptions import InputError, SimulationError
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.mechanics.state import State
+from ancf_casadi.mechanics.supports import can_slide
 from ancf_casadi.reduction.forces import BASE_SIZE
 from ancf_casadi.reduction.reduced import BASE_INSTANTS, ReducedModel
 from ancf_casadi.support.arrays import Array, Index
@@ -186,7 +187,7 @@ def simulate_reduced(
             f"makes {length * per_second:.1e} steps, more than {MAX_REDUCED_STEPS:.0e}", "steps_per_period"
         )
     advance = _stepper(reduced, length)
-    keeps_direction = any(support.sliding for support in reduced.model.beam.supports)
+    keeps_direction = can_slide(reduced.model.beam.supports)
 
     samples: list[Array] = []  # of (q, v)
     clamp_motions: list[Array] = []  # motion of the clamp at these samples

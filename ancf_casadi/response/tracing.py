@@ -30,6 +30,7 @@ from ancf_casadi.response.floquet import Bifurcation, bifurcations
 from ancf_casadi.response.harmonic_balance.balance import HarmonicBalance
 from ancf_casadi.response.harmonic_balance.continuation import (
     ContinuationStep,
+    chord,
     follow,
     locate_zero,
     point_at,
@@ -321,9 +322,7 @@ def _test_function(kind: Bifurcation, name: Free) -> Callable[[Point, Array], fl
 
 def _passes_point(step: ContinuationStep, first: Point) -> bool:
     """Return whether a step passes the first point of the curve."""
-    family, harmonics = step.start.family, step.start.family.balance.fourier.harmonics
-    begin, end, point = (p.family.resize(p.z, harmonics) / family.scale for p in (step.start, step.end, first))
-    step_vector, offset = end - begin, point - begin
+    step_vector, offset = chord(step.start, step.end), chord(step.start, first)
     fraction = step_vector @ offset / (step_vector @ step_vector)
     distance = np.linalg.norm(offset - fraction * step_vector) / np.linalg.norm(step_vector)
     return bool(0.0 < fraction <= 1.0 and distance <= 0.1)  # step lengths

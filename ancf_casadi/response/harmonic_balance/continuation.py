@@ -125,9 +125,15 @@ def follow(
 
 def _chord_angle(start: Point, tangent: Array, end: Point) -> float:
     """Return the angle between the tangent at the start of a step and the chord to its end, rad."""
+    step = chord(start, end)
+    ahead = tangent @ step
+    return float(np.arctan2(np.linalg.norm(step - ahead * tangent), ahead))
+
+
+def chord(start: Point, end: Point) -> Array:
+    """Return the vector from one point to another in the scaled unknowns of the first."""
     family = start.family
-    chord = (end.family.resize(end.z, family.balance.fourier.harmonics) - start.z) / family.scale
-    return float(np.arctan2(np.linalg.norm(chord - (tangent @ chord) * tangent), tangent @ chord))
+    return np.asarray((end.family.resize(end.z, family.balance.fourier.harmonics) - start.z) / family.scale)
 
 
 def step_along(point: Point, tangent: Array, length: float) -> Point:
@@ -161,8 +167,7 @@ def locate_zero(step: ContinuationStep, test: Callable[[Point, Array], float]) -
             step = replace(step, length=length, end=zero, end_tangent=tangent)
         else:
             start_value, end_value, retained = value, end_value / (2 if retained == "end" else 1), "end"
-            z = step.end.family.resize(step.end.z, zero.family.balance.fourier.harmonics)
-            ahead = float(tangent @ ((z - zero.z) / zero.family.scale))
+            ahead = float(tangent @ chord(zero, step.end))
             step = ContinuationStep(zero, tangent, ahead, step.end, step.end_tangent)
     return zero
 

@@ -376,6 +376,17 @@ def test_exudyn_decays_like_the_beam(paper_beam, tmp_path, case):
         assert ratio == pytest.approx(law.damping_ratios(modes, [middle, 0.0, 0.0])[0], rel=0.01)
 
 
+def test_a_prestressed_beam_with_a_free_end_is_as_short_in_exudyn(paper_beam, tmp_path):
+    """200 MPa shorten the beam by 0.1 %, which raises its frequencies by 0.1 %."""
+    pytest.importorskip("exudyn")
+    model = Model(paper_beam(gravity=(0.0, 0.0), prestress=2e8))
+    found = write_exudyn(model, tmp_path / "beam.py")
+    system, tip, _ = runpy.run_path(str(tmp_path / "beam.py"))["build"](0.0)
+    assert system.GetSensorValues(tip)[:2] == pytest.approx(static_equilibrium(model).tip, abs=1e-5)
+    values = system.ComputeODE2Eigenvalues()[0]
+    assert np.sqrt(np.sort(np.abs(values))[:3]) / (2 * math.pi) == pytest.approx(found.frequencies, rel=1e-4)
+
+
 @pytest.mark.parametrize("tip_mass", [0.01, 0.03])
 @pytest.mark.parametrize(
     ("write", "name"),

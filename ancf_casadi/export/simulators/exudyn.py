@@ -134,6 +134,7 @@ def _template_values(modes: Modes, modal: Sequence[ModalDamping], amplitude: flo
         "bending": beam.bending_stiffness,
         "axial": beam.axial_stiffness,
         "curvature": np.array(beam.natural_curvature or np.zeros(beam.elements)),
+        "strain": -np.array(beam.prestress or np.zeros(beam.elements)) / beam.elastic_modulus,
         "straight": np.column_stack(
             [np.outer(beam.node_points, beam.axis), np.tile(beam.axis, (beam.elements + 1, 1))]
         ),

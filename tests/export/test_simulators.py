@@ -103,6 +103,7 @@ SMALL = {"length": 2e-3, "width": 1e-4, "thickness": 5e-6, "density": 2e3, "elas
         ({"supports": (Clamp(0.0), Clamp(0.5))}, {}, "^supports: must be one clamp or pin"),
         ({"attachments": (Spring(0.3, (0.0, 1.0)),)}, {}, "a Spring cannot be written"),
         ({}, {"damping": QuadraticDamping(eta1=0.1, flow=(1.0, 0.0))}, "a flow of air"),
+        ({}, {"damping": RayleighDamping(beta=1e-4, stiffness="tangent")}, "the stiffness 'tangent'"),
         ({}, {"damping": RayleighDamping(beta=1.5e-2)}, "mode 3 has the damping ratio 1"),
         ({}, {"tolerance": 1e-9}, "tolerance: 64 segments only reach"),
         ({}, {"amplitude": 1e308}, "^amplitude: .* check the unit"),

@@ -185,6 +185,8 @@ def damping_coefficients(laws: Iterable[DampingLaw], modes: Modes, amplitude: fl
         if isinstance(law, QuadraticDamping):
             eta1, eta2 = eta1 + law.eta1, eta2 + law.eta2
         elif isinstance(law, RayleighDamping):
+            if law.beta and law.stiffness != "strain-rate":
+                raise InputError(f"the stiffness {law.stiffness!r} cannot be written; use 'strain-rate'", "damping")
             alpha, beta = alpha + law.alpha, beta + law.beta
         else:
             law_alpha, law_beta = _equivalent_rayleigh(law, modes, equal_speed_amplitudes(modes, amplitude))

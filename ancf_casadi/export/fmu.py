@@ -183,6 +183,8 @@ def _model_exchange_files(functions: MotionFunctions, folder: Path) -> tuple[ET.
     """Write CasADi's FMU for model exchange to a folder; return its description, and its files by archived name."""
     with contextlib.chdir(folder):
         files = _dae_builder(functions).export_fmu({"with_serialization": False, "no_warning": True})
+    wrapper = folder / f"{MODEL}_wrap.c"  # where CasADi 3.8.2 does not set the variable of the time, its first
+    wrapper.write_text(wrapper.read_text().replace("m->t = ", "m->t = m->v[0] = "))
     content = {archived.removeprefix("./"): (folder / name).read_bytes() for name, archived in files.items()}
     return ET.parse(folder / "modelDescription.xml").getroot(), content
 
@@ -205,6 +207,7 @@ def _dae_builder(functions: MotionFunctions) -> cs.DaeBuilder:
         labels = [{"description": s.description, "unit": "" if s.unit == "1" else s.unit} for s in signals]
         return [dae.add(s.name, causality, variability, label) for s, label in zip(signals, labels, strict=True)]
 
+    add([Signal("time", "s", "time")], "independent")
     base_state_signals, acceleration_signals = functions.base[:BASE_STATES], functions.base[BASE_STATES:]
     states, base_states = add(functions.states), add(base_state_signals)
     inputs, parameters = add(acceleration_signals, "input"), add(functions.parameters, "parameter", "tunable")

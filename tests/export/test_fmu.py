@@ -280,6 +280,27 @@ def test_the_declared_variables_of_the_reduced_model(small, reduced):
     assert units["m/s2"].s == -2
 
 
+def test_the_time_is_a_variable_that_importers_may_read(small, tmp_path):
+    about, folder = fmpy.read_model_description(small), fmpy.extract(small, str(tmp_path))
+    (time,) = (variable.valueReference for variable in about.modelVariables if variable.causality == "independent")
+    assert time < len(about.modelVariables)  # beyond, the FMU reads memory that is not its own
+    instance = FMU3Model(
+        guid=about.guid,
+        unzipDirectory=folder,
+        modelIdentifier=about.modelExchange.modelIdentifier,
+        instanceName="beam",
+    )
+    instance.instantiate()
+    instance.enterInitializationMode(startTime=3.0)
+    assert instance.getFloat64([time]) == [3.0]
+    instance.exitInitializationMode()
+    instance.enterContinuousTimeMode()
+    instance.setTime(4.0)
+    assert instance.getFloat64([time]) == [4.0]
+    instance.terminate()
+    instance.freeInstance()
+
+
 @pytest.mark.parametrize(
     ("kind", "acceleration", "rise", "interval"),
     [("small", 20.0, 0.01, 0.01), ("small", 20.0, 0.001, 0.01), ("small", 200.0, 0.01, 0.001),

@@ -55,7 +55,7 @@ from ancf_casadi.export.co_simulation import (
 )
 from ancf_casadi.export.identification import Provenance
 from ancf_casadi.export.model_document import Document
-from ancf_casadi.reduction.reduced import ReducedFunctions
+from ancf_casadi.reduction.reduced import ReducedFunctions, ReducedModel
 from ancf_casadi.support.compilation import LIBRARY, c_compiler, compiler_failure
 from ancf_casadi.support.files import check_file, write_file
 from ancf_casadi.support.inputs import check_instance, choice
@@ -140,7 +140,8 @@ def write_fmu(
     target = check_file(path)
     if document is not None:
         law = RayleighDamping() if document.damping is None else document.damping
-        if not set(functions.parameters) <= set(parameter_signals(Equations(document.model, law))):
+        other_beam = isinstance(functions, ReducedModel) and functions.model != document.model
+        if other_beam or not set(functions.parameters) <= set(parameter_signals(Equations(document.model, law))):
             raise InputError("describes another beam or damping law than the Functions do", "document")
     headers, compiler = _fmi_headers(), c_compiler()
     if not compiler:

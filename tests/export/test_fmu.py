@@ -361,8 +361,10 @@ class TestRefusals:
             beam_functions(document.model, document.damping, markers=(0.6,))
 
     @pytest.mark.filterwarnings("ignore:the modes of ModalDamping are those of another beam")
-    def test_a_document_of_another_beam_or_law(self, functions, document):
+    def test_a_document_of_another_beam_or_law(self, functions, document, reduced):
         thicker = Model(document.model.beam.with_(thickness=1e-3))
+        with pytest.raises(InputError, match=r"^document: describes another beam"):
+            write_fmu(reduced, "beam.fmu", document=Document(thicker, reduced.law))
         for other in (Document(thicker, document.damping), Document(document.model, RayleighDamping(beta=1e-5))):
             with pytest.raises(InputError, match=r"^document: describes another beam or damping law"):
                 write_fmu(functions, "beam.fmu", document=other)

@@ -44,7 +44,7 @@ error bound and extensions" (the selection by QR).
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -94,9 +94,8 @@ class Slopes:
 
 
 def is_held_at_begin_only(model: Model) -> bool:
-    """Return whether one clamp or pin holds the beam at its beginning, undisplaced, and no other support."""
-    supports = [(support.point, support.sliding, *support.displacement) for support in model.beam.supports]
-    return supports == [(0.0, None, 0.0, 0.0)]
+    """Return whether one clamp or pin holds the beam at its beginning, and no other support."""
+    return [(support.point, support.sliding) for support in model.beam.supports] == [(0.0, None)]
 
 
 def nodal_slopes(modes: Modes) -> Slopes:
@@ -145,6 +144,22 @@ def select_points(slopes: Slopes, count: int, rows: Index | None = None) -> Slop
         rotations=slopes.rotations[rows],
         shape=np.linalg.solve(basis[rows].T, (slopes.shape @ basis).T).T,
         rows=rows,
+    )
+
+
+def displaced_slopes(slopes: Slopes, model: Model) -> Slopes:
+    """Return slopes of a beam with the displacement of its support as one more, which the base alone turns."""
+    x, y = model.beam.supports[0].displacement
+    if not (x or y):
+        return slopes
+    displaced_nodes = np.zeros((len(slopes.shape), 1))
+    displaced_nodes[2 * model.root :: 2] = 1.0
+    return replace(
+        slopes,
+        angles=np.append(slopes.angles, math.atan2(y, x)),
+        lengths=np.append(slopes.lengths, math.hypot(x, y)),
+        rotations=np.vstack([slopes.rotations, np.zeros(slopes.rotations.shape[1])]),
+        shape=np.hstack([slopes.shape, displaced_nodes]),
     )
 
 

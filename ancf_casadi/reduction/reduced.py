@@ -51,6 +51,7 @@ from ancf_casadi.mechanics.supports import can_slide
 from ancf_casadi.reduction.bending import (
     BendingMotion,
     SlopeProjection,
+    displaced_slopes,
     is_held_at_begin_only,
     nodal_slopes,
     project_model,
@@ -243,7 +244,8 @@ def _project_modes(modes: Modes, drag_points: int, slope_points: int, rows: Inde
     if not is_held_at_begin_only(modes.model):
         return condensed_projection(modes, drag_points)
     nodal = nodal_slopes(modes)
-    return project_model(modes, nodal, select_points(nodal, slope_points, rows), drag_points)
+    selected = displaced_slopes(select_points(nodal, slope_points, rows), modes.model)
+    return project_model(modes, displaced_slopes(nodal, modes.model), selected, drag_points)
 
 
 def reduced_motion(

@@ -36,7 +36,7 @@ SET_UPS = {
     "hinge": {"supports": (Pin(0.0),), "attachments": (RotationalSpring(0.0, 0.02), *MASSES), "axis": (1.0, 0.0)},
     "pendulum": {"supports": (Pin(0.0),), "attachments": MASSES},
     "bent": {"natural_curvature": np.linspace(2.0, 6.0, 20), "attachments": SPRINGS},
-    "turned": {"supports": (Clamp(0.0, rotation=0.5),), "attachments": SPRINGS},
+    "turned": {"supports": (Clamp(0.0, rotation=0.5, displacement=(0.02, -0.01)),), "attachments": SPRINGS},
     "thick": {"thickness": 0.01, "rotary_sections": True},
 }
 STILL = np.zeros(9)
@@ -125,6 +125,20 @@ def test_dashpots_resist_the_motion_relative_to_the_base_as_in_the_full_model():
     ratios = (modes.shapes * resisted).sum(axis=0) / (2 * modes.angular_frequencies)
     assert ratios[0] > 0.02
     np.testing.assert_allclose(linearised(reduced)[1], ratios, rtol=0.05)
+
+
+def test_a_beam_on_a_displaced_clamp_bends_and_turns_as_elsewhere():
+    """The same accelerations on a base that only moves; the displacement turns with the base."""
+    displacement, still = np.array([0.02, -0.03]), BASE * ([1.0, 1.0, 0.0] * 3)
+    here, there = (
+        reduce_model(strip(4, axis=(0.8, -0.6), supports=(Clamp(rotation=0.5, displacement=place),)), modes=MODES)
+        for place in ((0.0, 0.0), displacement)
+    )
+    accelerations = [one.rhs(Q, V, still, one.values).full().ravel() for one in (here, there)]
+    np.testing.assert_allclose(accelerations[1], accelerations[0], rtol=1e-6)
+    cosine, sine = np.cos(BASE[2]), np.sin(BASE[2])
+    moved = (there.tip(Q, BASE) - here.tip(Q, BASE)).full().ravel()
+    np.testing.assert_allclose(moved, np.array([[cosine, -sine], [sine, cosine]]) @ displacement, atol=1e-9)
 
 
 def test_springs_store_the_work_of_a_base_that_turns_and_energy_is_constant():

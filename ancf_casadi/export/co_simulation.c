@@ -154,9 +154,10 @@ fmi3Status fmi3EnterInitializationMode(fmi3Instance instance, fmi3Boolean has_to
   Instance* own = instance;
   if (has_tolerance && !(tolerance > 0.0 && tolerance < 1.0))
     return say(own, fmi3Error, "the tolerance must be between 0 and 1, got %g", tolerance);
+  if (enter(own, INSTANTIATED, INITIALIZING)) return fmi3Error;
   if (has_tolerance) own->state.tolerance = tolerance;
   own->state.value[0] = begin;
-  return enter(own, INSTANTIATED, INITIALIZING);
+  return fmi3OK;
 }
 
 fmi3Status fmi3ExitInitializationMode(fmi3Instance instance) { return enter(instance, INITIALIZING, STEPPING); }

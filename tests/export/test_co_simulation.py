@@ -336,10 +336,12 @@ def test_wrong_calls_are_refused_with_one_line(reduced_path, unit):
         (lambda: beam.set({"eta1": math.nan}), "must be finite"),
         (lambda: beam.slave.getFloat64([1000]), "no variable 1000"),
         (lambda: beam.slave.enterEventMode(), "not part of the FMU"),
+        (lambda: beam.slave.enterInitializationMode(startTime=9.0), "cannot be called now"),
     ):
         with pytest.raises(FMICallException):
             call()
         assert words in beam.said[-1][1]
+    assert beam.get(["time"]) == STEP
     beam.slave.terminate()
     assert "times real time" in beam.said[-1][1]
 

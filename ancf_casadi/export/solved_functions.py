@@ -14,9 +14,8 @@ the model.  The scaling keeps the large axial stiffness out of the condition num
                     Inverse iteration of all modes, orthogonalised in order, gives the start of Newton's method: it
                     converges to the lowest modes.
 
-One further Newton step checks the equilibrium; the modes are checked by their residuals, their order and their sign.
-The modes are those with the eigenvalues nearest to zero.  Far beyond buckling, negative eigenvalues can be farther from
-zero than the requested modes and then remain undetected; ``natural_modes`` refuses such a beam.
+One further Newton step checks the equilibrium; the modes are checked by their residuals, their order and their sign,
+and by the number of lower modes: far from the parameters of the model, another mode may be one of the lowest.
 
 Step, for C and for programs without an integrator.  The method of Alexander is singly diagonally implicit, of order 2,
 L-stable (motion too fast for the step decays) and stiffly accurate.  Its successive stages solve
@@ -53,6 +52,7 @@ from ancf_casadi.dynamics.equations import Equations, scaled_matrix
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.mechanics.nodes import NODE
 from ancf_casadi.support.arrays import Array
+from ancf_casadi.vibration.assembly import eigenvalue_shift
 from ancf_casadi.vibration.equilibrium import Equilibrium
 from ancf_casadi.vibration.modes import Modes
 
@@ -150,7 +150,10 @@ def frequencies_function(modes: Modes, equations: Equations, equilibrium: cs.Fun
     squared_frequencies = cs.vertcat(*eigenvalues)
     converged = cs.mmax(cs.vertcat(*residuals)) < MAX_ERROR
     ascending = cs.mmin(cs.vertcat(squared_frequencies[0], cs.diff(squared_frequencies))) > 0
-    validity = nan_unless(cs.logic_and(ascending, converged))
+    _, stiffness, mass = modes.equilibrium.structure.linearisation(modes.equilibrium.exact)
+    rounding = cs.DM(eigenvalue_shift(model, stiffness, mass)) / modes.angular_frequencies[-1] ** 2
+    lower = _modes_below(K.sparsity(), M.sparsity())((1 - rounding) * squared_frequencies[-1], K, M)
+    validity = nan_unless(cs.logic_and(cs.logic_and(ascending, converged), lower < modes.count))
     return cs.Function("frequencies", [p], [cs.sqrt(squared_frequencies) / (2 * math.pi) * validity], ["p"], ["f"])
 
 
@@ -168,6 +171,13 @@ def _inverse_iteration(K: cs.Sparsity, M: cs.Sparsity, count: int) -> cs.Functio
             column -= cs.dot(earlier_column, mass @ column) * earlier_column
         columns.append(column / cs.sqrt(cs.bilin(mass, column, column)))
     return cs.Function("inverse_iteration", [psi, stiffness, mass], [cs.horzcat(*columns)])
+
+
+def _modes_below(K: cs.Sparsity, M: cs.Sparsity) -> cs.Function:
+    """Return (mu, K, M) -> the number of eigenvalues below mu, that of the negative pivots of K - mu M (Sylvester)."""
+    stiffness, mass, mu = cs.SX.sym("K", K), cs.SX.sym("M", M), cs.SX.sym("mu")
+    pivots, *_ = cs.ldl(stiffness - mu * mass)
+    return cs.Function("modes_below", [mu, stiffness, mass], [cs.sum1(pivots < 0)], {"is_diff_out": [False]})
 
 
 def _eigenpair(K: cs.Sparsity, M: cs.Sparsity) -> cs.Function:

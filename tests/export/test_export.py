@@ -162,6 +162,17 @@ def test_a_buckled_beam_is_nan(paper_beam):
     assert np.isnan(derivative.full()).any()
 
 
+def test_frequencies_are_nan_where_one_of_the_lowest_is_missing(paper_beam):
+    """A hanging rod: 1.5 times as thick, its fourth mode stretches it, which no mode of bending can turn into."""
+    beam = paper_beam(4, thickness=0.02)
+    functions, thicker = beam_functions(Model(beam), modes=4), Model(beam.with_(thickness=[0.03] * 4))
+    assert np.isfinite(functions.frequencies(values(functions.parameters)).full()).all()
+    p = np.concatenate([beam.gravity, thicker.properties.T.ravel()])
+    assert np.isnan(functions.frequencies(p).full()).all()
+    bends = np.abs(natural_modes(thicker, count=4).shapes[::2]).max(axis=0) > 1e-6
+    assert bends.tolist() == [True, True, True, False]
+
+
 @pytest.mark.slow
 def test_frequencies_of_a_weightless_beam_scale_with_its_properties(paper_beam):
     """Logarithmic derivatives of f are 0, 1, -1/2 and 1/2 for width, thickness, density and E; second ones are 0."""

@@ -1,9 +1,4 @@
-"""Drawing of pictures: static artists are drawn once, and moving ones on copies of that picture, perhaps over a video.
-
-A camera shows a point r of the beam, turned by the rotation R of the picture, at
-
-    column + (R r)_x / scale,        row - (R r)_y / scale.
-"""
+"""Drawing of pictures: static artists are drawn once, and moving ones on copies of that, perhaps over a video."""
 
 from __future__ import annotations
 

@@ -169,7 +169,7 @@ def write_fmu(
         }
     if document is not None:
         content["resources/beam.json"] = to_json(document.to_dict()).encode()
-    write_file(Path(path), _zip_archive(content))
+    write_file(target, _zip_archive(content))
 
 
 def _fmi_headers() -> Path:

@@ -211,8 +211,7 @@ def _bending_stiffness(model: Model, nodal: Slopes) -> Array:
     """Return K_b, the integral of E I Theta'^2, with the torsional springs between beam and base."""
     beam, slope_angles = model.beam, nodal.shape @ nodal.rotations
     curvature = np.array([model.curvature_interpolation(s)[0, ::2] for s in model.all_gauss_points]) @ slope_angles
-    width, thickness, _, modulus = model.properties
-    stiffness = np.kron(modulus * width * thickness**3 / 12 * beam.element_lengths, gauss(2)[1])
+    stiffness = np.kron(beam.bending_stiffness * beam.element_lengths, gauss(2)[1])
     springs: list[Any] = [spring for spring in beam.attachments if isinstance(spring, RotationalSpring)]
     springs += [clamp for clamp in beam.supports if isinstance(clamp, Clamp) and clamp.stiffness < math.inf]
     rotation = slope_angles[[model.nodes_of(spring.point)[2] // 2 for spring in springs]]

@@ -376,10 +376,9 @@ def _base_joints(model: Model, shape: Array, kind: type[Spring | Dashpot], attri
 def _point_masses(model: Model, points: Array, weights: Array) -> Array:
     """Return masses at points of [0, 1] that integrate polynomials over the mass of the elements, (d,), kg."""
     beam, degree = model.beam, len(points) - 1
-    width, thickness, density, _ = model.properties
     element_points, element_weights = gauss(degree // 2 + 1)
     mass_points = (beam.node_points[:-1, None] + beam.element_lengths[:, None] * element_points) / beam.length
-    masses = (width * thickness * density * beam.element_lengths)[:, None] * element_weights
+    masses = (beam.mass_per_length * beam.element_lengths)[:, None] * element_weights
     legendre = np.polynomial.legendre.legvander
     moments = masses.ravel() @ legendre(2 * mass_points.ravel() - 1, degree)
     return np.asarray(weights * (legendre(2 * points - 1, degree) @ (moments * (2 * np.arange(degree + 1) + 1))))

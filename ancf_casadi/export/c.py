@@ -103,7 +103,11 @@ def _release(functions: MotionFunctions) -> dict[str, Any]:
         p = cs.MX.sym("p", len(functions.parameters))
         q = functions.equilibrium(p)
         tip = functions.tip(q, cs.MX(len(functions.base), 1))
-        coordinates, jacobian = value_and_jacobian(cs.vertcat(tip, q), p, values(functions.parameters))
+        try:
+            coordinates, jacobian = value_and_jacobian(cs.vertcat(tip, q), p, values(functions.parameters))
+        except RuntimeError:
+            message = "can move rigidly, and the program has no equilibrium to release it from; hold it by a spring"
+            raise InputError(message, "functions") from None
         x, y = coordinates[:2]
         side_direction = np.array([-y, x]) / np.hypot(x, y)
         rows = [k for k, signal in enumerate(functions.states[: functions.free], start=2) if signal.unit == "m"]
@@ -140,8 +144,8 @@ def write_c(
     Raises
     ------
     InputError
-        If the name cannot be used in C, a Function cannot be translated or has the name of another one, another
-        program's file would be overwritten, or a file cannot be written.
+        If the name cannot be used in C, the beam can move rigidly, a Function cannot be translated or has the name of
+        another one, another program's file would be overwritten, or a file cannot be written.
 
     Examples
     --------

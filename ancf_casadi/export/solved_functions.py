@@ -129,6 +129,8 @@ def frequencies_function(modes: Modes, equations: Equations, equilibrium: cs.Fun
     """Return p -> f, the lowest natural frequencies about the ``equilibrium`` p -> q, Hz, near those of ``modes``."""
     model, scale = modes.model, cs.DM(_coordinate_scale(modes.equilibrium))
     p = cs.MX.sym("p", equilibrium.size1_in(0))
+    if not modes.frequencies[0]:  # a rigid motion, in which K has no factors
+        return cs.Function("frequencies", [p], [cs.MX(cs.DM([math.nan] * modes.count))], ["p"], ["f"])
     properties = equations.balance_for(p).properties
     q: cs.MX = equilibrium(p)
     e = model.whole(q, cs.MX(cs.DM(modes.equilibrium.coordinates[:NODE])))

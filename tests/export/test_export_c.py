@@ -222,6 +222,15 @@ def test_a_function_with_an_integrator_is_refused(model, functions, tmp_path, ca
     assert capfd.readouterr() == ("", "")
 
 
+def test_a_beam_that_can_move_rigidly_has_neither_frequencies_nor_a_program(paper_beam, tmp_path, capfd):
+    free = beam_functions(Model(paper_beam(2, supports=(), gravity=(0.0, 0.0))), modes=5)
+    assert np.isnan(free.frequencies(values(free.parameters)).full()).all()
+    with pytest.raises(InputError, match=r"^functions: can move rigidly"):
+        write_c(free, tmp_path)
+    assert not list(tmp_path.iterdir())
+    assert capfd.readouterr() == ("", "")
+
+
 @pytest.mark.slow
 def test_foreign_files_are_not_overwritten(functions, tmp_path):
     (tmp_path / "main.c").write_text("int main(void) { return 0; }\n")

@@ -114,6 +114,10 @@ class PlanTables(StepTables):
         fit = convert(file.tables.get("fit", {}), FitSpec, file.where("fit"))
         settings = {key: value for key, value in fit.set_fields().items() if key in ("unknowns", "fixed", "priors")}
         table = convert(file.tables.get("plan", {}), PlanSpec, file.where("plan"))
+        unused = sorted(file.tables.get("plan", {}).keys() - {"laws"}) if table.laws else ()
+        if unused:
+            message = "ranks no lists of candidates where laws = true; remove it, or laws = true"
+            raise InputError(message, f"{file.where('plan')}: {unused[0]}")
         return cls(file, beam, law_terms(file, fit, beam), makers, settings, table)
 
     @cached_property

@@ -111,6 +111,7 @@ def test_the_command_prints_the_errors_and_the_best_list(study, capsys, tmp_path
     ([TONES.replace("std", "deviation")], r"tones: .*deviation"),
     ([SAG.replace(", std = 1e-3", "")], r"sag: channels: 2: the key 'std' is missing"),
     ([TONES, "[plan]\nbudget = 0"], r"\[plan\]: budget: must be positive"),
+    ([TONES, "[plan]\nlaws = true\nbudget = 3"], r"\[plan\]: budget: .*laws = true"),
 ])  # fmt: skip
 def test_what_is_wrong_in_the_tables_is_said(study, tables, message):
     with pytest.raises(InputError, match=message):

@@ -143,7 +143,7 @@ def fit_finding(file: StudyFile, formats: tuple[str, ...]) -> Finding:
         else:
             text = f"prediction {k}\n{prediction.report()}"
             predictions.append(Finding.of(prediction, caption, formats, text=text))
-    data = {"fit": fitted.data, "predictions": [finding.data for finding in predictions if finding.data]}
+    data = {"fit": fitted.data, "predictions": [finding.data for finding in predictions]}  # None for one that failed
     document = Document(fit.model, fit.law if read.damping else None, [Identification.of(fit)])
     files = {"identified.json": to_json(document.to_dict()).encode()}
     finding = join_findings(data, [fitted, *predictions], files=files, beam=BeamSpec.of(fit.model.beam))

@@ -5,8 +5,19 @@ import base64
 import numpy as np
 import pytest
 
-from ancf_casadi import Beam, HarmonicBase, InputError, Model, RayleighDamping, StrainMeasures, natural_modes, simulate
+from ancf_casadi import (
+    Beam,
+    HarmonicBase,
+    InputError,
+    Model,
+    NumericsError,
+    RayleighDamping,
+    StrainMeasures,
+    natural_modes,
+    simulate,
+)
 from ancf_casadi.export import Document, write_document
+from problems import BeamFit, FrequencyRecord
 from problems.command.init import STUDY
 from problems.study.formatting import formatted_table
 from problems.study.reading import read_study
@@ -140,3 +151,21 @@ def test_a_beam_with_other_strain_measures_is_refused(study_file, tmp_path, pape
         read_study(study_file('[beam]\ndocument = "beam.json"\n'))
     write_document(tmp_path / "beam.json", Document(Model(paper_beam(3))))
     assert len(read_study(study_file('[beam]\ndocument = "beam.json"\n')).steps) == 2
+
+
+def test_a_prediction_that_fails_keeps_its_place(study_file, tmp_path, monkeypatch):
+    clamp(tmp_path / "tip.csv", 1e-3)
+    channel = 'file = "tip.csv"\nsensor = "displacement"\ndirection = [1.0, 0.0]\nstd = 1e-4\n'
+    fit = '[[frequencies]]\nfrequencies = [1.85]\nstd = [0.01]\n[fit]\nunknowns = ["elastic_modulus"]\n'
+    path = study_file(BEAM, fit, f"[[predictions]]\n{channel}" * 2)
+    predict, records = BeamFit.predict, []
+
+    def failing_first(self, record):
+        if not records:
+            records.append(record)
+            raise NumericsError("no motion")
+        return predict(self, FrequencyRecord(self.given, [1.8]))
+
+    monkeypatch.setattr(BeamFit, "predict", failing_first)
+    failed, predicted = run_study(path, None, steps=["motion"]).results["motion"]["predictions"]
+    assert failed is None and predicted["kind"] == "prediction of beam"

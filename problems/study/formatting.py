@@ -29,12 +29,14 @@ def numeric_table(table: Table) -> Table:
     """Return a table with one number per cell, all digits, for CSV."""
     columns: list[tuple[str, Sequence[Cell]]] = []
     for head, values in zip(table.columns, zip(*table.rows, strict=True), strict=True):
-        quantity, _, unit = head.rpartition(", ")
-        columns.append((f"{quantity} ({unit})" if quantity else head, values))
+        quantity, _, unit = head.rpartition(", ") if ", " in head else (head, "", "")
+        in_unit = f" ({unit})" if unit else ""
+        columns.append((quantity + in_unit, values))
         if errors := table.errors.get(head):
-            columns.append(("standard error", [None if error is None else finite_or_none(error) for error in errors]))
+            numbers = [None if error is None else finite_or_none(error) for error in errors]
+            columns.append((f"standard error of {quantity}{in_unit}", numbers))
         if printed := table.printed.get(head):
-            columns.append((table.source, printed))
+            columns.append((f"{table.source} {quantity}{in_unit}", printed))
     return _with_columns(table, columns)
 
 

@@ -250,6 +250,18 @@ def test_a_computation_that_steps_share_counts_once_for_all():
     assert f"<td>all</td>{rows[-1]}" in source
 
 
+def test_labels_without_a_table_and_notes_of_a_step_without_tables_show():
+    step = Doubles(name="a", terms=(), after=(), log="", tables=("Table 1", "Table 2"), notes=("A note.",))
+    table = Table("", "", ("law",), [("drag",)])
+    for tables, missing in (((table,), "Table 2"), ((), "Table 1, Table 2")):
+        study = Study("labels", (step,))
+        source = document(
+            study, label_findings(study, [Finding({}, tables)]), command="study", versions={}, quick=False, left_out=()
+        )
+        assert f"<b>{missing}</b>: not computed" in source
+        assert source.count("<li>A note.</li>") == 1
+
+
 def test_limits_of_numbers_are_aligned_like_numbers():
     """Below the resolution of a simulation, a column of numbers has the cell < 0.01."""
     table = Table("", "left", ("law", "tip, mm"), [("drag", "< 0.01"), ("none", "18.86")])

@@ -78,7 +78,7 @@ def test_a_table_has_the_printed_number_and_the_difference_beside(table):
 
 def test_a_file_has_all_digits_in_one_number_per_cell(table):
     head, first, second = csv.reader(io.StringIO(numeric_table(table).csv()))
-    assert head == ["mode", "frequency (Hz)", "standard error", "paper", "law"]
+    assert head == ["mode", "frequency (Hz)", "standard error of frequency (Hz)", "paper frequency (Hz)", "law"]
     assert float(first[1]) == table.rows[0][1]
     assert (first[0], float(first[2]), float(first[3]), first[4]) == ("1", 0.00123, 1.85, '"modal", generic')
     assert second == ["2", "10.19", "", "", "η2"]

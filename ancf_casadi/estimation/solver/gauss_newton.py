@@ -27,8 +27,9 @@ after it.
 The residuals may have an error of their own, such as that of an integration.  It changes the loss by much more than it
 moves the minimum, because it is nearly orthogonal to the columns of J.  Then a step also counts as good if the next
 one, by the same J, is less than half as long, whatever the loss (the natural monotonicity test of Deuflhard).  As such
-residuals and their Jacobians are expensive, the last step may change them by three standard deviations.  The first J
-may come from an earlier minimum nearby.
+Jacobians are expensive, a step that changes the residuals by up to three standard deviations is the last one if the
+next one, by the same J, changes them by less than a tenth of one.  The first J may come from an earlier minimum nearby
+whose steps were small; then so are these, and the next one is not computed.
 
 References
 ----------
@@ -55,7 +56,8 @@ from ancf_casadi.support.progress import count_step
 
 HUBER = 1.345  # threshold d over the standard deviation of the noise
 LAST_STEP = 1e-3  # change of the residuals by the last step, in standard deviations
-LAST_INACCURATE_STEP = 3.0  # the same where the residuals have an error of their own, whose check sees what it leaves
+LAST_INACCURATE_STEP = 0.1  # the same where the residuals have an error of their own, whose check sees what it leaves
+LONGEST_LAST_STEP = 3.0  # the same, if the next step, by the same Jacobian, is that small
 ROUNDING = 1e-13  # the same, relative to that by unknowns from zero
 MOST_STEPS, MOST_FAILURES = 50, 6  # the latter in a row
 LEAST_GAIN, GOOD_GAIN = 1e-3, 0.75  # decrease of the loss over the predicted one
@@ -141,12 +143,19 @@ def minimise(
     no step needs to be; ``jacobian`` is the first J, that at z if not given.
     """
     small, outdated = LAST_INACCURATE_STEP if inaccuracy else LAST_STEP, jacobian is not None
+    y = cs.MX.sym("z", len(z))
+    values = cs.Function("values", [y], [evaluate.call([y], True, False)[0]])
     if jacobian is None:
         r, jacobian = residuals_and_jacobian(evaluate, z)
     else:
-        y = cs.MX.sym("z", len(z))
-        values = cs.Function("values", [y], [evaluate.call([y], True, False)[0]])
         r = _evaluate_step(values, z)[0].ravel()
+
+    def further_change(residuals: Array, z: Array, rows: Array, weights: Array) -> float:
+        """Return the change of the weighted residuals by the next step from z, by the same Jacobian."""
+        if not np.isfinite(residuals).all():
+            return math.inf
+        return float(np.linalg.norm(rows @ _step(rows, influence(residuals, huber)[0] / weights, lower - z, upper - z)))
+
     reach, failures, steps = 1.0, 0, 0
     while True:
         psi, curvature = influence(r, huber)
@@ -158,8 +167,13 @@ def minimise(
         change = float(np.linalg.norm(rows @ step))
         deviation = math.sqrt(dispersion(r, max(len(r) - len(z), 1), huber, systematic) * curvature)
         rounding = ROUNDING * float(np.linalg.norm(rows * z))
-        if change <= max(small * deviation, inaccuracy, rounding):
-            last = np.clip(z + step, lower, upper)
+        last, last_change = np.clip(z + step, lower, upper), max(small * deviation, inaccuracy, rounding)
+        is_last = change <= last_change
+        if not is_last and inaccuracy and change <= LONGEST_LAST_STEP * deviation:
+            is_last = (
+                outdated or further_change(_evaluate_step(values, last)[0].ravel(), last, rows, weights) <= last_change
+            )
+        if is_last:
             return Minimum(last, r + jacobian @ (last - z), jacobian, steps + 1, settled=True)
         if failures == MOST_FAILURES or steps == MOST_STEPS:
             return Minimum(z, r, jacobian, steps, settled=False)
@@ -170,13 +184,13 @@ def minimise(
         r_trial, jacobian_trial = residuals_and_jacobian(evaluate, trial)
         steps += 1
         gain = (loss_value(r, huber) - loss_value(r_trial, huber)) / predicted
-        nearer = False
-        if inaccuracy and not gain > GOOD_GAIN and np.isfinite(r_trial).all():
-            further = _step(rows, influence(r_trial, huber)[0] / weights, lower - trial, upper - trial)
-            nearer = float(np.linalg.norm(rows @ further)) < NEARER * change
+        nearer = inaccuracy and not gain > GOOD_GAIN and further_change(r_trial, trial, rows, weights) < NEARER * change
         if gain > LEAST_GAIN or nearer:
             z, r, jacobian, failures, outdated = trial, r_trial, jacobian_trial, 0, False
-            reach *= GROWTH if gain > GOOD_GAIN else 1.0
+            if gain > GOOD_GAIN:
+                reach *= GROWTH
+            elif not gain > LEAST_GAIN:  # or steps would pass a minimum of large residuals to and fro
+                reach = NEARER * float(np.abs(step).max())
         elif outdated:
             (r, jacobian), outdated = residuals_and_jacobian(evaluate, z), False
         else:  # the loss increases, or is not finite

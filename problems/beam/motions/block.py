@@ -253,8 +253,8 @@ class MotionBlock(Block):
         if self.tolerance <= (self.wanted or TIGHTEST) or not (self.wanted or needed):
             return None
         finer, tolerance = self._finer, tighter(self.tolerance, excess)
-        if self.coarser and not self.wanted and tolerance < finer.tolerance / 2:
-            finer = replace(self, tolerance=tolerance, before=self)
+        if not self.wanted and (finer.tolerance < TIGHTEST or (self.coarser and tolerance < finer.tolerance / 2)):
+            finer = replace(self, tolerance=min(tolerance, max(finer.tolerance, TIGHTEST)), before=self)
         reduction = _decrease(self, finer, LEAST_ORDER)
         return replace(finer, expected=reduction * error, before=finer, coarser=self.tolerance)
 

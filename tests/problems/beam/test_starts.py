@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+import scipy.optimize
 
 from ancf_casadi import Beam, Measurement, Model, RayleighDamping, Sensor, simulate, static_equilibrium
 from problems import Channel, MarkerRecord, MotionRecord, fit_beam
@@ -50,3 +51,21 @@ def test_the_first_tolerance_shifts_no_frequency_by_a_tenth_of_a_standard_error(
     usual, fine = fit_beam(MODEL, record, LAW, **UNKNOWN), fit_beam(MODEL, record, LAW, **UNKNOWN, tolerance=1e-8)
     away = [abs(usual.estimates[name] - fine.estimates[name]) / fine.standard_errors[name] for name in fine.estimates]
     assert max(away) < 0.1
+
+
+@pytest.mark.slow
+def test_a_motion_as_small_as_its_noise_is_explained_at_the_least_squares(start):
+    """Steps of three standard deviations went to and fro across the minimum, and ended one standard error away."""
+    run, rng = released(start, 60.0, 100), np.random.default_rng(0)
+    noise = run.tip[:, 0].std() * rng.normal(size=run.time.size)
+    record = MotionRecord([Measurement(run.time, run.tip[:, 0] + noise)], start=start)
+    fit = fit_beam(MODEL, record, LAW, **UNKNOWN)
+    problem, *_ = beam_problem(MODEL, record, LAW, FitSettings(**UNKNOWN, tolerance=1e-6))
+    sizes = np.array([unknown.scale for unknown in problem.unknowns])
+
+    def residuals(x):
+        return problem.blocks[0].residuals_at(dict(zip(fit.estimates, x * sizes, strict=True)))
+
+    least = scipy.optimize.least_squares(residuals, np.array([*fit.estimates.values()]) / sizes, diff_step=1e-3).x
+    apart = np.abs([*fit.estimates.values()] - least * sizes) / [*fit.standard_errors.values()]
+    assert apart.max() < 0.3

@@ -164,6 +164,11 @@ class Block(ABC):
         """Reason why the residuals could not be computed; empty if they could."""
         return ""
 
+    @property
+    def possible_cause(self) -> str:
+        """What in the records may be wrong, should no minimum be found; empty if nothing shows."""
+        return ""
+
     def close(self) -> None:  # noqa: B027 most blocks have nothing large to forget
         """Forget what is no longer needed once the fit has ended."""
 

@@ -111,8 +111,9 @@ class FitProblem:
                 self._check_determination()
             return self._minimum(jacobian)
         except FitError as error:
-            reasons = [block.failure for block in self.blocks if block.failure]
-            raise FitError("; ".join([str(error), *reasons[:1]]), error.stats) from None
+            reason = next((block.failure for block in self.blocks if block.failure), "")
+            cause = next((block.possible_cause for block in self.blocks if block.possible_cause), "")
+            raise FitError("; ".join(filter(None, [str(error), reason, cause])), error.stats) from None
 
     def _minimum(self, jacobian: Array | None) -> Fit:
         scale = self.scale

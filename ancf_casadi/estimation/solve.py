@@ -198,9 +198,10 @@ def _check_result(solution: FitSolution) -> FitSolution:
     at_bound = [unknown.report[0] for unknown in solution.fit.unknowns if unknown.name in solution.fit.at_bound]
     count = len(solution.fit.names)
     if unexplained:
+        cause = next((f"; {block.possible_cause}" for block, _ in refusing if block.possible_cause), "")
         raise FitError(
-            f"the fit leaves more than half of the motion of {', '.join(unexplained)} unexplained; check the unit of "
-            f"the levels, the phases, and the range of the record, or {FIT_ADVICE}"
+            f"the fit leaves more than half of the motion of {', '.join(unexplained)} unexplained; check units, times "
+            f"or phases, and the range of the record, or {FIT_ADVICE}{cause}"
         )
     if 2 * len(at_bound) > count > 1:
         raise FitError(

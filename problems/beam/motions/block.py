@@ -19,6 +19,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from itertools import islice
 from typing import Self
 
 import casadi as cs
@@ -56,6 +57,7 @@ from problems.beam.motions.weights import (
     TYPICAL,
     coarse_or_wanted,
     first_weights,
+    third_differences,
     tighter,
 )
 from problems.beam.properties import property_owners
@@ -143,6 +145,17 @@ class MotionBlock(Block):
     def failure(self) -> str:
         """Reason why a motion could not be computed."""
         return next((f"the last motion tried: {run.failure}" for run, _ in self._motions if run.failure), "")
+
+    @property
+    def possible_cause(self) -> str:
+        """A record that begins long after the start of its motion."""
+        for number, record in self.numbered:
+            if record.earliest > record.end - record.origin - record.earliest:
+                return (
+                    f"record {number} begins {record.earliest:.4g} s after the start of its motion; if the motion "
+                    "starts later, give release_time on the clock of the record"
+                )
+        return ""
 
     def close(self) -> None:
         """Forget the last runs, which are large."""
@@ -313,12 +326,30 @@ class MotionBlock(Block):
         ]
         return replace(prediction, channels=tuple(channels))
 
+    def unexplained_shares(self, fitted: Fitted) -> list[tuple[str, float]]:
+        """Return the unexplained share of the motion in each record, root mean square; white noise does not count.
+
+        The channels of a record count in units of their noise.
+        """
+        shares, readings = [], iter(zip(self.sensors, self.channels(fitted), strict=True))
+        for number, record in self.numbered:
+            motion = unexplained = 0.0
+            for sensor_channel, channel in islice(readings, len(record.own_channels)):
+                white = float(np.sum(third_differences(sensor_channel) ** 2))
+                left = max(float(np.sum(channel.residuals**2)) - white, 0.0)
+                unexplained += left / channel.noise**2
+                motion += channel.predicted.size * float(np.var(channel.predicted)) / channel.noise**2
+            shares.append((record.name or f"record {number}", math.sqrt(unexplained / ((motion + unexplained) or 1.0))))
+        return shares
+
     def account(self, fitted: Fitted) -> Account:
         """Return residuals and noise of each channel, and the effect of the integration error."""
         channels, worst = self.channels(fitted), float(np.abs(fitted.shifts).max())
+        explained = {name: 1.0 - share**2 for name, share in self.unexplained_shares(fitted)}
         lines = [
+            *(f"{name}: {100 * share:.4g} % of the motion explained" for name, share in explained.items()),
             f"integrated at the tolerance {self.tolerance:.1e}; the integration error shifts no estimate by more than "
-            f"{worst:.2g} standard errors"
+            f"{worst:.2g} standard errors",
         ]
         if len(self.weights.groups) > 1:
             lines += [
@@ -331,6 +362,7 @@ class MotionBlock(Block):
         )
         data = {
             "kind": "motion",
+            "records": [{"record": name, "explained_share": share} for name, share in explained.items()],
             "channels": [
                 {"channel": channel.name, "unit": channel.unit, "std": channel.noise, "rms_error": channel.rms_error}
                 for channel in channels

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import scipy.optimize
 
-from ancf_casadi import Beam, Measurement, Model, RayleighDamping, Sensor, simulate, static_equilibrium
+from ancf_casadi import Beam, FitError, Measurement, Model, RayleighDamping, Sensor, simulate, static_equilibrium
 from problems import Channel, MarkerRecord, MotionRecord, fit_beam
 from problems.beam.fitting import FitSettings, beam_problem
 from problems.beam.motions.block import MotionBlock
@@ -51,6 +51,19 @@ def test_the_first_tolerance_shifts_no_frequency_by_a_tenth_of_a_standard_error(
     usual, fine = fit_beam(MODEL, record, LAW, **UNKNOWN), fit_beam(MODEL, record, LAW, **UNKNOWN, tolerance=1e-8)
     away = [abs(usual.estimates[name] - fine.estimates[name]) / fine.standard_errors[name] for name in fine.estimates]
     assert max(away) < 0.1
+
+
+@pytest.mark.slow
+def test_a_motion_that_no_unknowns_explain_is_refused_and_a_late_clock_named(start):
+    run, rng = released(start, 60.0, 100), np.random.default_rng(0)
+    values = run.tip[:, 0] + 5e-4 * rng.normal(size=run.time.size)
+    for sign, late, message in ((-1.0, 0.0, "unexplained"), (1.0, 2.0, "begins 2 s after .* release_time")):
+        record = MotionRecord([Measurement(run.time + late, sign * values)], start=start)
+        with pytest.raises(FitError, match=rf"motion of record 1 .*{message}"):
+            fit_beam(MODEL, record, LAW)
+    fit = fit_beam(MODEL, MotionRecord([Measurement(run.time + 2.0, values)], start=start, release_time=2.0), LAW)
+    assert fit.estimates["alpha"] == pytest.approx(1.0, abs=4 * fit.standard_errors["alpha"])
+    assert fit.to_dict()["records"][0]["records"][0]["explained_share"] > 0.99
 
 
 @pytest.mark.slow

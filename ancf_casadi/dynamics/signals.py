@@ -82,6 +82,8 @@ class MotionFunctions(Displayed):
         The entries of base.
     outputs : tuple of Signal
         The entries of (tip, markers, energies, clamp_force).
+    length : float
+        Length of the beam, m.
     rhs : Function
         (q, v, base, p) -> a, the accelerations of q.
     step : Function
@@ -113,6 +115,7 @@ class MotionFunctions(Displayed):
     states: tuple[Signal, ...]
     base: tuple[Signal, ...]
     outputs: tuple[Signal, ...]
+    length: float
     rhs: cs.Function
     step: cs.Function
     tip: cs.Function

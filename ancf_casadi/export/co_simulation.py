@@ -14,7 +14,7 @@ takes two steps of Lawson's method (``reduction.reduced``) of half the length; t
 by 15, is the error, and is added (Richardson's extrapolation).
 
 The error is the largest displacement of a node under the error of q, or under the error of v times h.  It is relative
-to the largest coordinate of a node in equilibrium, which serves as the length of the beam.
+to the length of the beam.
 """
 
 from __future__ import annotations
@@ -59,9 +59,9 @@ def advance_function(functions: MotionFunctions) -> cs.Function:
         times = [begin + length * instant for instant in instants]
         return cs.horzcat(*(cs.vertcat(place + velocity * t + a * t**2 / 2, velocity + a * t, a) for t in times))
 
-    weights, length = _error_weights(functions)
+    weights = _error_weights(functions)
     if isinstance(functions, BeamFunctions):
-        step = _stiff_step(functions, length)
+        step = _stiff_step(functions)
         *state, q_error, v_error = step(q, v, base(0.0, h, stage_instants(KENNEDY_CARPENTER)), parameters, h)
     else:
         step = _lawson_step(functions)
@@ -115,7 +115,7 @@ def _loaded_rhs(functions: MotionFunctions) -> cs.Function:
     return cs.Function("loaded_rhs", [q, v, base, loaded], [a], ["q", "v", "base", "p"], ["a"])
 
 
-def _stiff_step(functions: BeamFunctions, length: float) -> cs.Function:
+def _stiff_step(functions: BeamFunctions) -> cs.Function:
     """Return (q, v, base, (p, F), h) -> q_next, v_next and their errors."""
     symbols, motion_inputs, force = _motion_symbols(functions)
     names, p = ["q", "v", "a", "base", "p"], values(functions.parameters)
@@ -125,7 +125,7 @@ def _stiff_step(functions: BeamFunctions, length: float) -> cs.Function:
     K = functions.tangent_stiffness(values(functions.states)[: functions.free], np.zeros(len(functions.base)), p)
     diagonals = cs.diag(functions.mass(p)), cs.diag(K)
     method = KENNEDY_CARPENTER, KENNEDY_CARPENTER_ERROR
-    return step_function(residual, jacobians, diagonals, length, *method, _loaded_rhs(functions))
+    return step_function(residual, jacobians, diagonals, functions.length, *method, _loaded_rhs(functions))
 
 
 def _lawson_step(functions: MotionFunctions) -> cs.Function:
@@ -133,20 +133,16 @@ def _lawson_step(functions: MotionFunctions) -> cs.Function:
     return lawson_step(_loaded_rhs(functions), np.sqrt(np.abs(jacobian_at_rest(functions).diagonal())))
 
 
-def _error_weights(functions: MotionFunctions) -> tuple[cs.DM, float]:
-    """Return the largest displacement of a node per unit of each coordinate, relative to the length, and the length."""
-    equilibrium = values(functions.states)[: functions.free]
+def _error_weights(functions: MotionFunctions) -> cs.DM:
+    """Return the largest displacement of a node per unit of each coordinate, relative to the length of the beam."""
     if isinstance(functions, BeamFunctions):
-        position_rows = np.array([signal.unit == "m" for signal in functions.states[: functions.free]])
-        positions, shapes = equilibrium[position_rows], np.eye(functions.free)[position_rows]
+        displacements = np.array([signal.unit == "m" for signal in functions.states[: functions.free]], dtype=float)
     else:
         q, base_at_rest = cs.MX.sym("q", functions.free), cs.MX(len(functions.base), 1)
         e, _ = functions.named["coordinates"](q, cs.MX(functions.free, 1), base_at_rest)
-        nodes, jacobian = value_and_jacobian(e, q, equilibrium)
-        position_rows = np.arange(len(nodes)) % NODE < 2
-        positions, shapes = nodes[position_rows], jacobian[position_rows]
-    length = float(np.abs(positions).max())
-    return cs.DM(np.abs(shapes).max(axis=0) / length), length
+        nodes, jacobian = value_and_jacobian(e, q, np.zeros(functions.free))
+        displacements = np.abs(jacobian[np.arange(len(nodes)) % NODE < 2]).max(axis=0)
+    return cs.DM(displacements / functions.length)
 
 
 def co_simulation_source(functions: MotionFunctions, tolerance: str, headers: Path) -> tuple[str, str]:

@@ -17,8 +17,8 @@ Files of Functions are for temporary use on one machine.  CasADi reads only file
 Function is to run the program in it: load only files that you have saved yourself.  For storage and exchange, write the
 JSON document of ``ancf_casadi.export``.
 
-The first line of a file is JSON: the format, the kind of model, the version of CasADi, and the tables of signals.  The
-Functions follow in CasADi's format.
+The first line of a file is JSON: the format, the kind of model, the version of CasADi, the length of the beam, and the
+tables of signals.  The Functions follow in CasADi's format.
 """
 
 from __future__ import annotations
@@ -61,7 +61,7 @@ MOTION_INPUTS = ("q", "v", "base", "p")
 POSITION_INPUTS = ("q", "base")
 
 TITLE = "ancf-casadi functions"
-FUNCTIONS_FORMAT = f"{TITLE} 3"
+FUNCTIONS_FORMAT = f"{TITLE} 4"
 FILE_START = f'{{"format": "{TITLE}'
 SIGNAL_TABLES = ("parameters", "states", "base", "outputs")
 
@@ -72,7 +72,7 @@ class BeamFunctions(MotionFunctions):
 
     Parameters
     ----------
-    parameters, states, base, outputs, rhs, tip, markers, energies, clamp_force
+    parameters, states, base, outputs, length, rhs, tip, markers, energies, clamp_force
         See ``MotionFunctions``; a is in m/s^2 and 1/s^2.
     residual : Function
         (q, v, a, base, p) -> r, N and N m.
@@ -186,6 +186,7 @@ def beam_functions(
         states=state_signals(lowest_modes.equilibrium),
         base=base_signals(),
         outputs=output_signals(markers),
+        length=model.beam.length,
         residual=residual,
         residual_jacobians=function("residual_jacobians", DYNAMIC_INPUTS, **jacobians, **input_jacobians),
         rhs=function("rhs", MOTION_INPUTS, a=-_solve_mass_matrix(bias_force, mass, model)),
@@ -292,11 +293,11 @@ def save_functions(functions: BeamFunctions | ReducedFunctions, path: str | Path
     check_ours(target, FILE_START)
     tables = {name: [asdict(signal) for signal in getattr(functions, name)] for name in SIGNAL_TABLES}
     (kind,) = (name for name, model_class in MODELS.items() if isinstance(functions, model_class))
-    header = {"format": FUNCTIONS_FORMAT, "model": kind, "casadi": cs.CasadiMeta.version(), **tables}
+    header = {"format": FUNCTIONS_FORMAT, "model": kind, "casadi": cs.CasadiMeta.version(), "length": functions.length}
     serializer = cs.StringSerializer()
     for function in functions.functions:
         serializer.pack(function)
-    write_file(target, f"{json.dumps(header)}\n{serializer.encode()}")
+    write_file(target, f"{json.dumps(header | tables)}\n{serializer.encode()}")
 
 
 def load_functions(path: str | Path) -> BeamFunctions | ReducedFunctions:
@@ -326,8 +327,8 @@ def load_functions(path: str | Path) -> BeamFunctions | ReducedFunctions:
         header = json.loads(header_line)
         if header["format"] != FUNCTIONS_FORMAT:
             raise ValueError(header["format"])
-        writer_version, kind = header["casadi"], header["model"]
-        names = [field.name for field in fields(MODELS[kind]) if field.name not in SIGNAL_TABLES]
+        writer_version, kind, length = header["casadi"], header["model"], float(header["length"])
+        names = [field.name for field in fields(MODELS[kind]) if field.type == "cs.Function"]
         tables: dict[str, Any] = {name: tuple(Signal(**entry) for entry in header[name]) for name in SIGNAL_TABLES}
     except (ValueError, KeyError, TypeError, RecursionError):
         raise InputError("is not a file of Functions of this version; export it again", where) from None
@@ -340,4 +341,4 @@ def load_functions(path: str | Path) -> BeamFunctions | ReducedFunctions:
         functions: dict[str, Any] = {name: deserializer.unpack() for name in names}
     except RuntimeError:
         raise InputError("is damaged; export it again", where) from None
-    return MODELS[kind](**tables, **functions)
+    return MODELS[kind](**tables, length=length, **functions)

@@ -82,7 +82,7 @@ class ReducedFunctions(MotionFunctions):
 
     Parameters
     ----------
-    parameters, states, base, outputs, rhs, tip, markers, energies, clamp_force
+    parameters, states, base, outputs, length, rhs, tip, markers, energies, clamp_force
         As in ``MotionFunctions``; a is q_tt, m kg^1/2/s^2.
     step : Function
         (q, v, base, p, h) -> q_next, v_next after h seconds, with base (9, 3) at the start, middle and end of the step.
@@ -138,7 +138,7 @@ class ReducedModel(ReducedFunctions, Reduction):
         The damping law.
     projection : Projection
         Constants of the equation of motion.
-    parameters, states, base, outputs, rhs, step, mass, energies, clamp_force, tip, markers, coordinates
+    parameters, states, base, outputs, length, rhs, step, mass, energies, clamp_force, tip, markers, coordinates
         As in ``ReducedFunctions``.
 
     Examples
@@ -310,6 +310,7 @@ def _assemble_model(reduced: Reduction, markers: Sequence[float]) -> ReducedMode
         states=modal_signals(modes.frequencies.tolist()),
         base=base_signals(turns=not can_slide(modes.model.beam.supports)),
         outputs=output_signals(markers),
+        length=model.beam.length,
         rhs=rhs,
         step=lawson_step(rhs, modes.angular_frequencies),
         mass=function("mass", "q", M=M),

@@ -28,6 +28,7 @@ from ancf_casadi import (
 )
 from ancf_casadi.dynamics.base_motion import Piece
 from ancf_casadi.export import beam_functions, fmu, values, write_fmu
+from ancf_casadi.export.co_simulation import advance_function
 from ancf_casadi.export.solved_functions import KENNEDY_CARPENTER, KENNEDY_CARPENTER_ERROR, stage_instants
 
 STEP = 0.02  # of communication, s
@@ -351,6 +352,23 @@ def test_a_smaller_tolerance_gives_a_smaller_error(reduced_path, unit):
     plan = [(5.0, 0.0, 20.0, 0.0, 0.01)] * 20
     loose, usual, exact = (unit(reduced_path, tolerance=one).run(plan)[-1, :2] for one in (1e-4, None, 1e-11))
     assert 0 < 10 * np.abs(usual - exact).max() < np.abs(loose - exact).max()
+
+
+@pytest.mark.parametrize(
+    "make", [lambda model: beam_functions(model, modes=1), lambda model: reduce_model(model, modes=2)]
+)
+def test_a_displaced_clamp_shifts_the_motion_and_keeps_its_error(paper_beam, make):
+    """A shift by ten lengths changes positions by the shift, and the estimated error by rounding."""
+    ends, shift = [], 5.0
+    for displacement in ((0.0, 0.0), (shift, 0.0)):
+        functions = make(Model(paper_beam(3, supports=(Clamp(displacement=displacement),))))
+        x, p = np.concatenate([values(functions.states), np.zeros(6)]), values(functions.parameters)
+        x_next, error = advance_function(functions)(x, [5.0, 0.0, 0.0, 0.0, 0.01], p, 0.01)
+        ends.append((x_next.full().ravel()[: functions.free], float(error)))
+    (q, error), (shifted_q, shifted_error) = ends
+    along_x = [shift * (signal.name[:2] == "x_") for signal in functions.states[: functions.free]]
+    np.testing.assert_allclose(shifted_q - along_x, q, rtol=0, atol=1e-10)
+    assert shifted_error == pytest.approx(error, rel=1e-3, abs=0.0)
 
 
 def test_the_tableau_has_order_4_and_its_error_estimate_order_3():

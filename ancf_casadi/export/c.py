@@ -41,7 +41,7 @@ C_KEYWORDS = {"arg", "res", "iw", "w", "NAN", "INFINITY"} | set(
     "restrict return short signed sizeof static struct switch typedef union unsigned void volatile while".split()
 )
 PROGRAM_STEP, PROGRAM_SAMPLES = 5e-3, 400  # seconds between two lines of output, and number of lines after the first
-DEFLECTION = 0.1  # largest linear deflection at the release, per distance from the origin to the tip
+DEFLECTION = 0.1  # largest linear deflection at the release, per length of the beam
 
 
 def _generate_c(name: str, c_functions: Mapping[str, cs.Function]) -> tuple[str, dict[str, cs.Function]]:
@@ -102,24 +102,21 @@ def _release(functions: MotionFunctions) -> dict[str, Any]:
     if isinstance(functions, BeamFunctions):
         p = cs.MX.sym("p", len(functions.parameters))
         q = functions.equilibrium(p)
-        tip = functions.tip(q, cs.MX(len(functions.base), 1))
         try:
-            coordinates, jacobian = value_and_jacobian(cs.vertcat(tip, q), p, values(functions.parameters))
+            _, jacobian = value_and_jacobian(q, p, values(functions.parameters))
         except RuntimeError:
             message = "can move rigidly, and the program has no equilibrium to release it from; hold it by a spring"
             raise InputError(message, "functions") from None
-        x, y = coordinates[:2]
-        side_direction = np.array([-y, x]) / np.hypot(x, y)
-        rows = [k for k, signal in enumerate(functions.states[: functions.free], start=2) if signal.unit == "m"]
+        rows = [k for k, signal in enumerate(functions.states[: functions.free]) if signal.unit == "m"]
+        side_direction = np.linalg.svd(jacobian[rows, :2])[2][0]  # in which gravity moves the nodes most
         max_displacement = np.abs(jacobian[rows, :2] @ side_direction).max()
-        pull = (DEFLECTION * np.hypot(x, y) / max_displacement * side_direction).tolist()
+        pull = (DEFLECTION * functions.length / max_displacement * side_direction).tolist()
         return {"steps_per_sample": 10, "pull": pull}
     q, base_at_rest = cs.MX.sym("q", functions.free), cs.MX(len(functions.base), 1)
     e, _ = functions.named["coordinates"](q, cs.MX(functions.free, 1), base_at_rest)
-    tip_and_nodes = cs.vertcat(functions.tip(q, base_at_rest), e)
-    coordinates, jacobian = value_and_jacobian(tip_and_nodes, q, np.zeros(functions.free))
-    node_displacements = np.linalg.norm(jacobian[2:, 0].reshape(-1, NODE)[:, :2], axis=1)
-    deflection = DEFLECTION * np.linalg.norm(coordinates[:2]) / node_displacements.max()
+    _, jacobian = value_and_jacobian(e, q, np.zeros(functions.free))
+    node_displacements = np.linalg.norm(jacobian[:, 0].reshape(-1, NODE)[:, :2], axis=1)
+    deflection = DEFLECTION * functions.length / node_displacements.max()
     highest_frequency = np.sqrt(np.abs(np.linalg.eigvals(jacobian_at_rest(functions))).max()) / (2 * np.pi)
     steps_per_sample = math.ceil(PROGRAM_STEP * STEPS_PER_PERIOD * highest_frequency)
     return {"steps_per_sample": steps_per_sample, "pull": (), "deflection": float(deflection)}

@@ -2,6 +2,7 @@
 
 import ctypes
 import os
+import re
 import shutil
 import subprocess
 
@@ -10,6 +11,7 @@ import numpy as np
 import pytest
 
 from ancf_casadi import (
+    Clamp,
     InputError,
     Model,
     QuadraticDamping,
@@ -229,6 +231,18 @@ def test_a_beam_that_can_move_rigidly_has_neither_frequencies_nor_a_program(pape
         write_c(free, tmp_path)
     assert not list(tmp_path.iterdir())
     assert capfd.readouterr() == ("", "")
+
+
+@pytest.mark.parametrize(
+    "make", [lambda model: beam_functions(model, modes=1), lambda model: reduce_model(model, modes=1)]
+)
+def test_a_beam_away_from_the_origin_is_released_from_the_same_deflection(paper_beam, tmp_path, make):
+    programs = []
+    for displacement in ((0.0, 0.0), (3.0, -4.0)):
+        write_c(make(Model(paper_beam(2, supports=(Clamp(displacement=displacement),)))), tmp_path)
+        numbers = re.search(r"(?:pull.2. = .|q.0. = )([^;}]*)", (tmp_path / "main.c").read_text())
+        programs.append([float(number) for number in numbers[1].split(",")])
+    np.testing.assert_allclose(*programs, rtol=1e-6, atol=1e-9)
 
 
 @pytest.mark.slow

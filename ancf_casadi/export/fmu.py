@@ -44,8 +44,8 @@ import casadi as cs
 from tqdm import tqdm
 
 from ancf_casadi.damping import RayleighDamping, SumOfLaws
-from ancf_casadi.dynamics.equations import Equations
-from ancf_casadi.dynamics.signals import MotionFunctions, Signal, parameter_signals
+from ancf_casadi.damping.spec import law_spec
+from ancf_casadi.dynamics.signals import MotionFunctions, Signal
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.export.co_simulation import (
     BASE_COORDINATES,
@@ -55,6 +55,7 @@ from ancf_casadi.export.co_simulation import (
 )
 from ancf_casadi.export.identification import Provenance
 from ancf_casadi.export.model_document import Document
+from ancf_casadi.export.motion_functions import BeamFunctions
 from ancf_casadi.reduction.reduced import ReducedFunctions, ReducedModel
 from ancf_casadi.support.compilation import LIBRARY, c_compiler, compiler_failure
 from ancf_casadi.support.files import check_file, write_file
@@ -120,8 +121,8 @@ def write_fmu(
     Raises
     ------
     InputError
-        If the document describes another beam or law, fmpy or a C compiler is missing, the compiler fails, or the file
-        cannot be written.
+        If the document describes another beam or law, or is given with Functions from a file, fmpy or a C compiler is
+        missing, the compiler fails, or the file cannot be written.
 
     Examples
     --------
@@ -139,10 +140,7 @@ def write_fmu(
     choice(kind, get_args(FmuKind), "kind")
     target = check_file(path)
     if document is not None:
-        law = RayleighDamping() if document.damping is None else document.damping
-        other_beam = isinstance(functions, ReducedModel) and functions.model != document.model
-        if other_beam or not set(functions.parameters) <= set(parameter_signals(Equations(document.model, law))):
-            raise InputError("describes another beam or damping law than the Functions do", "document")
+        _check_document(document, functions)
     headers, compiler = _fmi_headers(), c_compiler()
     if not compiler:
         raise InputError("an FMU needs a C compiler, and none was found; install one, or set CC to its command", "CC")
@@ -170,6 +168,16 @@ def write_fmu(
     if document is not None:
         content["resources/beam.json"] = to_json(document.to_dict()).encode()
     write_file(target, _zip_archive(content))
+
+
+def _check_document(document: Document, functions: MotionFunctions) -> None:
+    """Refuse a document of another beam or damping law than that of the Functions."""
+    if not isinstance(functions, (BeamFunctions, ReducedModel)) or functions.model is None or functions.law is None:
+        advice = "give those of beam_functions or reduce_model, or no document"
+        raise InputError(f"cannot be compared with Functions from a file; {advice}", "document")
+    law, model = RayleighDamping() if document.damping is None else document.damping, document.model
+    if functions.model != model or law_spec(functions.law, model) != law_spec(law, model):
+        raise InputError("describes another beam or damping law than the Functions do", "document")
 
 
 def _fmi_headers() -> Path:

@@ -91,6 +91,8 @@ class BeamFunctions(MotionFunctions):
         beam that can move rigidly.
     step : Function
         (q, v, base, p, h) -> q_next, v_next after a step h (s); base (9, 2) at the instants ``SDIRK_STAGES`` of it.
+    model, law : Model and DampingLaw
+        The beam and its damping law; None if the Functions are from a file.
 
     Examples
     --------
@@ -112,6 +114,8 @@ class BeamFunctions(MotionFunctions):
     damping_force: cs.Function
     equilibrium: cs.Function
     frequencies: cs.Function
+    model: Model | None = None
+    law: DampingLaw | None = None
 
 
 MODELS: dict[str, type[BeamFunctions | ReducedFunctions]] = {"full": BeamFunctions, "reduced": ReducedFunctions}
@@ -214,6 +218,8 @@ def beam_functions(
             ),
             model.beam.length,
         ),
+        model=model,
+        law=equations.law,
     )
 
 

@@ -15,11 +15,15 @@ from fmpy.validation import validate_fmu
 
 from ancf_casadi import (
     BaseMotion,
+    Clamp,
+    Dashpot,
     InputError,
     ModalDamping,
     Model,
+    PointMass,
     QuadraticDamping,
     RayleighDamping,
+    Spring,
     State,
     natural_modes,
     reduce_model,
@@ -30,7 +34,7 @@ from ancf_casadi import (
 from ancf_casadi.dynamics.base_motion import Piece
 from ancf_casadi.export import DataFile, Document, Identification, Provenance, fmu, read_document
 from ancf_casadi.export.fmu import write_fmu
-from ancf_casadi.export.motion_functions import beam_functions
+from ancf_casadi.export.motion_functions import beam_functions, load_functions, save_functions
 
 MARKERS = (0.2, 0.375)
 ACCELERATION = np.array([8.0, -4.0, 40.0])  # of the clamp: x, y (m/s^2), rotation (rad/s^2)
@@ -368,3 +372,41 @@ class TestRefusals:
         for other in (Document(thicker, document.damping), Document(document.model, RayleighDamping(beta=1e-5))):
             with pytest.raises(InputError, match=r"^document: describes another beam or damping law"):
                 write_fmu(functions, "beam.fmu", document=other)
+
+    @pytest.mark.parametrize(
+        "changes",
+        [
+            {"attachments": (PointMass(0.25, 1e-6),)},
+            {"attachments": (Spring(0.25, (1e-3, 0.0)),)},
+            {"attachments": (Dashpot(0.25, (0.0, 1e-6)),)},
+            {"supports": (Clamp(displacement=(1e-6, 0.0)),)},
+            {"prestress": 1.0},
+            {"natural_curvature": 1e-6},
+        ],
+        ids=lambda changes: next(iter(changes)),
+    )
+    @pytest.mark.filterwarnings("ignore:the modes of ModalDamping are those of another beam")
+    def test_a_document_with_the_same_parameters_of_another_beam(self, document, changes):
+        model, law = document.model, RayleighDamping(beta=1e-5)
+        other = Document(Model(model.beam.with_(**changes)), law)
+        for made in (beam_functions(model, law, modes=1), reduce_model(model, modes=1, damping=law)):
+            with pytest.raises(InputError) as caught:
+                write_fmu(made, "beam.fmu", document=other)
+            assert caught.value.where == "document"
+
+    def test_a_document_of_a_law_with_the_same_parameters(self, document):
+        """The modes of the law are those of a beam with another mass."""
+        heavy = Model(document.model.beam.with_(attachments=(PointMass(0.25, 1e-6),)))
+        laws = [ModalDamping(natural_modes(model, count=1), (0.01,)) for model in (document.model, heavy)]
+        with pytest.raises(InputError) as caught:
+            write_fmu(
+                beam_functions(document.model, laws[0], modes=1), "beam.fmu", document=Document(document.model, laws[1])
+            )
+        assert caught.value.where == "document"
+
+    def test_a_document_with_functions_from_a_file(self, document, functions, tmp_path_factory):
+        path = tmp_path_factory.mktemp("functions") / "beam.casadi"
+        save_functions(functions, path)
+        with pytest.raises(InputError) as caught:
+            write_fmu(load_functions(path), "beam.fmu", document=document)
+        assert caught.value.where == "document"

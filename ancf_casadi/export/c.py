@@ -102,11 +102,10 @@ def _release(functions: MotionFunctions) -> dict[str, Any]:
     if isinstance(functions, BeamFunctions):
         p = cs.MX.sym("p", len(functions.parameters))
         q = functions.equilibrium(p)
-        try:
-            _, jacobian = value_and_jacobian(q, p, values(functions.parameters))
-        except RuntimeError:
+        coordinates, jacobian = value_and_jacobian(q, p, values(functions.parameters))
+        if np.isnan(coordinates).any():
             message = "can move rigidly, and the program has no equilibrium to release it from; hold it by a spring"
-            raise InputError(message, "functions") from None
+            raise InputError(message, "functions")
         rows = [k for k, signal in enumerate(functions.states[: functions.free]) if signal.unit == "m"]
         side_direction = np.linalg.svd(jacobian[rows, :2])[2][0]  # in which gravity moves the nodes most
         max_displacement = np.abs(jacobian[rows, :2] @ side_direction).max()

@@ -85,7 +85,7 @@ class BeamFunctions(MotionFunctions):
     damping_force : Function
         (q, v, base, p) -> Q_damp, on the left of the equation of motion.
     equilibrium : Function
-        p -> q at rest, with the base at rest; nan if none was found.
+        p -> q at rest, with the base at rest; nan if none was found, or the beam can move rigidly.
     frequencies : Function
         p -> f, the lowest natural frequencies about the equilibrium, Hz; nan if they are not certain, as those of a
         beam that can move rigidly.
@@ -184,7 +184,7 @@ def beam_functions(
         return cs.Function(name, [symbols[key] for key in inputs], [*results.values()], [*inputs], [*results])
 
     residual = function("residual", DYNAMIC_INPUTS, r=force)
-    equilibrium = equilibrium_function(lowest_modes.equilibrium, equations, values(parameters))
+    equilibrium = equilibrium_function(lowest_modes, equations, values(parameters))
     return BeamFunctions(
         parameters=parameters,
         states=state_signals(lowest_modes.equilibrium),

@@ -14,8 +14,9 @@ the model.  The scaling keeps the large axial stiffness out of the condition num
                     Inverse iteration of all modes, orthogonalised in order, gives the start of Newton's method: it
                     converges to the lowest modes.
 
-One further Newton step checks the equilibrium; the modes are checked by their residuals, their order and their sign,
-and by the number of lower modes: far from the parameters of the model, another mode may be one of the lowest.
+A further call of Newton's method checks the equilibrium; the modes are checked by their residuals, their order and
+their sign, and by the number of lower modes: far from the parameters of the model, another mode may be one of the
+lowest.
 
 Step, for C and for programs without an integrator.  The method of Alexander is singly diagonally implicit, of order 2,
 L-stable (motion too fast for the step decays) and stiffly accurate.  Its successive stages solve
@@ -53,6 +54,7 @@ from ancf_casadi.mechanics.model import Model
 from ancf_casadi.mechanics.nodes import NODE
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.vibration.assembly import eigenvalue_shift
+from ancf_casadi.vibration.eigensolver import eigenvalue_rounding
 from ancf_casadi.vibration.equilibrium import Equilibrium
 from ancf_casadi.vibration.modes import Modes
 
@@ -104,12 +106,14 @@ def nan_unless(condition: cs.MX) -> cs.MX:
     return cs.if_else(condition, 1.0, math.nan)
 
 
-def equilibrium_function(model_equilibrium: Equilibrium, equations: Equations, start: Array) -> cs.Function:
-    """Return p -> q, the free coordinates in equilibrium under gravity, with the base as in the model."""
-    model, scale = model_equilibrium.model, _coordinate_scale(model_equilibrium)
+def equilibrium_function(modes: Modes, equations: Equations, start: Array) -> cs.Function:
+    """Return p -> q, the free coordinates in equilibrium under gravity, with the base as in the model of ``modes``."""
+    model, model_equilibrium, scale = modes.model, modes.equilibrium, _coordinate_scale(modes.equilibrium)
     column_scale = model.beam.length * scale / scale.max()  # of the coordinates per unit of z
     origin, base = cs.DM(model.of_free(model_equilibrium.coordinates)), cs.DM(model_equilibrium.coordinates[:NODE])
     z, p = cs.MX.sym("z", scale.size), cs.MX.sym("p", start.size)
+    if not modes.frequencies[0]:
+        return _nan_function("equilibrium", p, "q", scale.size)
     balance, e = equations.balance_for(p), model.whole(origin + column_scale * z, base)
     row_scale, column_scales = cs.DM(scale**2 / column_scale), cs.DM(column_scale)
     residual = row_scale * model.of_free(balance.at_rest(e))
@@ -119,8 +123,7 @@ def equilibrium_function(model_equilibrium: Equilibrium, equations: Equations, s
     solution = cs.MX.zeros(scale.size)
     for j in range(1, LOAD_STEPS + 1):
         solution = solve(solution, cs.DM(start) + (p - cs.DM(start)) * (j / LOAD_STEPS))
-    step = cs.Function("step", [z, p], [cs.solve(stiffness, residual, "qr")])
-    change = cs.norm_inf(step(solution, p) * (column_scale / model.free_scale))
+    change = cs.norm_inf((solve(solution, p) - solution) * (column_scale / model.free_scale))
     q = (origin + column_scale * solution) * nan_unless(change < MAX_ERROR)
     return cs.Function("equilibrium", [p], [q], ["p"], ["q"])
 
@@ -129,8 +132,8 @@ def frequencies_function(modes: Modes, equations: Equations, equilibrium: cs.Fun
     """Return p -> f, the lowest natural frequencies about the ``equilibrium`` p -> q, Hz, near those of ``modes``."""
     model, scale = modes.model, cs.DM(_coordinate_scale(modes.equilibrium))
     p = cs.MX.sym("p", equilibrium.size1_in(0))
-    if not modes.frequencies[0]:  # a rigid motion, in which K has no factors
-        return cs.Function("frequencies", [p], [cs.MX(cs.DM([math.nan] * modes.count))], ["p"], ["f"])
+    if not modes.frequencies[0]:
+        return _nan_function("frequencies", p, "f", modes.count)
     properties = equations.balance_for(p).properties
     q: cs.MX = equilibrium(p)
     e = model.whole(q, cs.MX(cs.DM(modes.equilibrium.coordinates[:NODE])))
@@ -151,12 +154,18 @@ def frequencies_function(modes: Modes, equations: Equations, equilibrium: cs.Fun
         residuals.append(cs.norm_inf(K @ psi - mu * (B @ psi)))
     squared_frequencies = cs.vertcat(*eigenvalues)
     converged = cs.mmax(cs.vertcat(*residuals)) < MAX_ERROR
-    ascending = cs.mmin(cs.vertcat(squared_frequencies[0], cs.diff(squared_frequencies))) > 0
+    positive = squared_frequencies[0] - eigenvalue_rounding(model)
+    ascending = cs.mmin(cs.vertcat(positive, cs.diff(squared_frequencies))) > 0
     _, stiffness, mass = modes.equilibrium.structure.linearisation(modes.equilibrium.exact)
     rounding = cs.DM(eigenvalue_shift(model, stiffness, mass)) / modes.angular_frequencies[-1] ** 2
     lower = _modes_below(K.sparsity(), M.sparsity())((1 - rounding) * squared_frequencies[-1], K, M)
     validity = nan_unless(cs.logic_and(cs.logic_and(ascending, converged), lower < modes.count))
     return cs.Function("frequencies", [p], [cs.sqrt(squared_frequencies) / (2 * math.pi) * validity], ["p"], ["f"])
+
+
+def _nan_function(name: str, p: cs.MX, result: str, size: int) -> cs.Function:
+    """Return p -> nan (size,), for a beam with a rigid motion, in which K has no factors."""
+    return cs.Function(name, [p], [cs.MX(cs.DM([math.nan] * size))], ["p"], [result])
 
 
 def _coordinate_scale(equilibrium: Equilibrium) -> Array:

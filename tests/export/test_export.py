@@ -12,6 +12,7 @@ from ancf_casadi import (
     InputError,
     ModalDamping,
     Model,
+    Pin,
     QuadraticDamping,
     RayleighDamping,
     natural_modes,
@@ -160,6 +161,15 @@ def test_a_buckled_beam_is_nan(paper_beam):
     assert np.isnan(functions.frequencies(p).full()).all()
     derivative = functions.frequencies.jacobian()(p, functions.frequencies(p))
     assert np.isnan(derivative.full()).any()
+
+
+def test_a_pendulum_without_gravity_has_no_frequencies(paper_beam):
+    """It turns about its pin as a rigid body, at 0 Hz."""
+    functions = beam_functions(Model(paper_beam(4, supports=(Pin(0.0),))), modes=2)
+    p = values(functions.parameters)
+    assert np.isfinite(functions.frequencies(p).full()).all()
+    p[:2] = 0.0
+    assert np.isnan(functions.frequencies(p).full()).all()
 
 
 def test_frequencies_are_nan_where_one_of_the_lowest_is_missing(paper_beam):

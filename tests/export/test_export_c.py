@@ -14,6 +14,7 @@ from ancf_casadi import (
     Clamp,
     InputError,
     Model,
+    Pin,
     QuadraticDamping,
     RayleighDamping,
     State,
@@ -224,9 +225,11 @@ def test_a_function_with_an_integrator_is_refused(model, functions, tmp_path, ca
     assert capfd.readouterr() == ("", "")
 
 
-def test_a_beam_that_can_move_rigidly_has_neither_frequencies_nor_a_program(paper_beam, tmp_path, capfd):
-    free = beam_functions(Model(paper_beam(2, supports=(), gravity=(0.0, 0.0))), modes=5)
-    assert np.isnan(free.frequencies(values(free.parameters)).full()).all()
+@pytest.mark.parametrize("supports", [(), (Pin(0.0),)])
+def test_a_beam_that_can_move_rigidly_has_no_rest_no_frequencies_and_no_program(paper_beam, tmp_path, capfd, supports):
+    free = beam_functions(Model(paper_beam(2, supports=supports, gravity=(0.0, 0.0))), modes=5)
+    for function in (free.equilibrium, free.frequencies):
+        assert np.isnan(function(values(free.parameters)).full()).all()
     with pytest.raises(InputError, match=r"^functions: can move rigidly"):
         write_c(free, tmp_path)
     assert not list(tmp_path.iterdir())

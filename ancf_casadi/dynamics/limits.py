@@ -74,7 +74,20 @@ def check_start(model: Model, excitation: Excitation, start: Start | Equilibrium
     elif not is_choice(start, get_args(Start)):
         names = ", ".join(get_args(Start))
         raise InputError(f"must be one of {names}, an Equilibrium or a State, got {shown(start)}", "start")
+    if start == "straight":
+        check_supports(model, model.straight_at_support)
     check_clamp(model, excitation.at(0.0))
+
+
+def check_supports(model: Model, coordinates: Array) -> None:
+    """Refuse the coordinates of a start that supports, where they are displaced or turned, would change."""
+    held = model.whole(model.of_free(coordinates), coordinates[:NODE])
+    if np.abs((held - coordinates) / model.scale).max() > START_TOLERANCE:
+        raise InputError(
+            "the shape does not fit the supports where they are displaced or turned, and would be stretched or bent to "
+            "them at once; start from the equilibrium, or from a State that fits",
+            "start",
+        )
 
 
 def check_clamp(model: Model, excitation: Array) -> None:
@@ -93,6 +106,7 @@ def _check_state(model: Model, excitation: Array, state: State) -> None:
     for name, vector in (("coordinates", state.coordinates), ("velocities", state.velocities)):
         if vector.shape != (model.size,) or not np.isfinite(vector).all():
             raise InputError(f"the {name} must be {model.size} finite numbers", "start")
+    check_supports(model, state.coordinates)
     _check_stretch(model, state)
     _check_speed(model, np.abs(state.velocities).max(), "in the state", "start")
     if _distance(model, state.coordinates, excitation) > START_TOLERANCE:

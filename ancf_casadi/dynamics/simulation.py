@@ -83,11 +83,11 @@ def simulate(
         Samples per second in the result, 1/s.
     start : {"equilibrium", "straight", "impact"}, Equilibrium or State
         ``equilibrium``: the shape at rest under gravity, the flow of the law and the load at time 0.  ``straight``: as
-        manufactured; all of them then act.  An ``Equilibrium``: released from there; a load or a gust that sets in
-        suddenly is ``start=static_equilibrium(model)``.  All three move with the base, at rest relative to it.
-        ``impact``: at rest as in ``equilibrium`` even if the base starts with a velocity, which is an impact on the
-        clamp.  A ``State``: as given, at its own time; ``start=run.state(-1)`` continues another run, from any of its
-        samples.
+        manufactured, moved to its first support; all of them then act.  An ``Equilibrium``: released from there; a load
+        or a gust that sets in suddenly is ``start=static_equilibrium(model)``.  All three move with the base, at rest
+        relative to it.  ``impact``: at rest as in ``equilibrium`` even if the base starts with a velocity, which is an
+        impact on the clamp.  A ``State``: as given, at its own time; ``start=run.state(-1)`` continues another run,
+        from any of its samples.
     method : {"auto", "idas", "radau"}
         The integrator.  ``auto`` is Radau, which reaches the same accuracy at a smaller cost (``docs/accuracy.md``), or
         IDAS if ``options`` are given; ``integrators`` of the result tells.
@@ -109,8 +109,9 @@ def simulate(
     InputError
         If a number is not positive, the method or the start is unknown, the base motion is not finite, the load begins
         after the end of the motion, or IDAS refuses an option; if the start belongs to another model, or is a state
-        that stretches the beam by more than 1 %, or whose clamp disagrees with the base motion; or if the base motion
-        does not begin with the clamp of a beam at rest, at the origin and along its axis.
+        that stretches the beam by more than 1 %, or whose clamp disagrees with the base motion; if the state or the
+        straight beam does not fit displaced or turned supports; or if the base motion does not begin with the clamp of
+        a beam at rest, at the origin and along its axis.
     EquilibriumError
         If there is no equilibrium to start from.
     SimulationError

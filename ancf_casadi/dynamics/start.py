@@ -1,7 +1,8 @@
 """Initial state of a motion.
 
 At the start, a beam at rest under gravity, a flow and the load at its tip at this instant, or straight as
-manufactured, moves with its clamp as one rigid body.  With the velocity v_0 of the clamp and its angular velocity w,
+manufactured at its first support, moves with its clamp as one rigid body.  With the velocity v_0 of the clamp and its
+angular velocity w,
 
     r_t = v_0 + w (z x (r - r_0)),        tau_t = w (z x tau),
 
@@ -38,7 +39,7 @@ def initial_state(equations: Equations, excitation: Excitation, start: Start | E
     if isinstance(start, Equilibrium):
         coordinates = start.coordinates
     elif start == "straight":
-        coordinates = model.straight
+        coordinates = model.straight_at_support
     else:
         coordinates = coordinates_at_rest(model, load, equations.place, equations.flow)
     if start == "impact":

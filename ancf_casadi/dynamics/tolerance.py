@@ -85,7 +85,7 @@ def _rest(model: Model, excitation: Array, place: PointLoad | None, further: Seq
     try:
         coordinates = coordinates_at_rest(turned, excitation[3 * NODE :], place, further)
     except EquilibriumError:
-        coordinates = turned.straight
+        coordinates = turned.straight_at_support
     return np.asarray(coordinates.reshape(-1, NODE)[:, :2] + excitation[:2])
 
 

@@ -97,6 +97,18 @@ class Nodes(Displayed):
         base = np.array([0.0, 0.0, *axis])
         return np.concatenate([base, nodes.ravel()]) if self.root else nodes.ravel()
 
+    @property
+    def straight_at_support(self) -> Array:
+        """Coordinates of the beam as manufactured, moved as a rigid body to its first support, if it has one."""
+        nodes = self.straight.reshape(-1, 2, 2).copy()  # position and slope
+        for support in self.beam.supports[:1]:
+            cosine, sine = math.cos(support.angle), math.sin(support.angle)
+            place = self.straight[self.nodes_of(support.point)[:2]]
+            nodes[self.root :, 0] -= place
+            nodes[self.root :] @= np.array([[cosine, sine], [-sine, cosine]])
+            nodes[self.root :, 0] += place + support.displacement
+        return nodes.ravel()
+
     def nodes_of(self, point: float) -> Index:
         """Return the indices of the coordinates of the node at an arc length where one is placed, (4,)."""
         node = int(np.abs(self.beam.node_points - point).argmin()) + self.root

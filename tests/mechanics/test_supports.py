@@ -23,6 +23,7 @@ from ancf_casadi import (
     RotationalSpring,
     SampledBase,
     Spring,
+    State,
     natural_modes,
     simulate,
     static_equilibrium,
@@ -233,6 +234,25 @@ def test_a_beam_that_moves_with_its_base_is_free_of_stress(held):
 def test_a_free_beam_falls():
     run = simulate(Model(strip(supports=())), start="straight", duration=0.2, sample_rate=100.0)
     np.testing.assert_allclose(run.tip[:, 1], -0.5 - 9.81 / 2 * run.time**2, rtol=0.0, atol=1e-9)
+
+
+def test_a_straight_beam_starts_at_its_displaced_and_turned_clamp():
+    """Its motion is that of a beam along the turned axis, shifted."""
+    angle, shift, settings = 0.4, np.array([0.3, -2.0]), {"start": "straight", "duration": 0.1, "sample_rate": 50.0}
+    turned = simulate(Model(strip(axis=(math.sin(angle), -math.cos(angle)))), **settings)
+    run = simulate(Model(strip(supports=(Clamp(displacement=tuple(shift), rotation=angle),))), **settings)
+    np.testing.assert_allclose(run.tip, turned.tip + shift, rtol=0.0, atol=1e-6)
+    np.testing.assert_allclose(run.position(0.0), [shift] * len(run.time), rtol=0.0, atol=1e-12)
+
+
+@pytest.mark.parametrize("start", ["straight", "state"])
+def test_a_start_that_does_not_fit_the_supports_is_refused(start):
+    model = Model(strip(supports=(Pin(0.0), Pin(0.5, displacement=(0.0, 0.01)))))
+    if start == "state":
+        start = State(model.straight, np.zeros(model.size))
+    with pytest.raises(InputError) as caught:
+        simulate(model, start=start, duration=0.1)
+    assert caught.value.where == "start"
 
 
 def test_a_stiff_pendulum_swings_as_a_rigid_rod():

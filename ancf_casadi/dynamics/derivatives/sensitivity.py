@@ -54,7 +54,7 @@ from ancf_casadi.dynamics.derivatives.tangent import (
 )
 from ancf_casadi.dynamics.equations import Equations
 from ancf_casadi.dynamics.excitation import SAME_TIME, Excitation, excitation_pieces
-from ancf_casadi.dynamics.limits import check_clamp, check_start
+from ancf_casadi.dynamics.limits import check_clamp, check_start, check_supports
 from ancf_casadi.dynamics.placed_load import LOAD_SIZE, TIP, coordinates_at_rest
 from ancf_casadi.dynamics.radau.stepper import RadauSteps, Stepper
 from ancf_casadi.dynamics.start import (
@@ -215,8 +215,10 @@ class SensitivityProblem:
         first_excitation = excitation.at(0.0)
         check_clamp(model, first_excitation)
         _, velocity, _, load_at_start = np.split(first_excitation, [NODE, 2 * NODE, 3 * NODE])
-        state = State(model.straight, np.zeros(model.size))
-        if start != "straight":
+        state = State(model.straight_at_support, np.zeros(model.size))
+        if start == "straight":
+            check_supports(model, state.coordinates)
+        else:
             if not self.held:
                 if isinstance(start, Equilibrium):
                     load_at_start = np.array([*start.tip_force, start.tip_moment])

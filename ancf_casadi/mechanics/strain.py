@@ -27,7 +27,7 @@ coordinate formulation with an elastic line approach" (the material curvature).
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal, TypeVar, get_args
 
@@ -115,6 +115,11 @@ class StrainMeasures(Displayed):
         for name in ("axial_points", "bending_points"):
             whole(getattr(self, name), name, 1, 9)
 
+    @property
+    def axial_rule(self) -> Sequence[tuple[float, float]]:
+        """The points of the axial term, from 0 to 1 along the element, and their weights."""
+        return gauss_pairs(self.axial_points)
+
 
 def axial_strain(slope: Any, measure: AxialStrain) -> Any:
     """Return eps from the components of r': numbers, arrays or symbols."""
@@ -130,10 +135,8 @@ def curvature(slope: Any, second: Any, measure: Curvature) -> Any:
 
 
 def axial_strains(e: cs.SX, l: cs.SX, measures: StrainMeasures) -> list[tuple[cs.SX, float]]:
-    """Return eps at each Gauss point with its weight, from coordinates e scaled to an element of length 1."""
-    slopes = [
-        (cs.vertsplit(shape_matrix(xi, hermite_slope) @ e / l), w) for xi, w in gauss_pairs(measures.axial_points)
-    ]
+    """Return eps at each point of its rule with its weight, from coordinates e scaled to an element of length 1."""
+    slopes = [(cs.vertsplit(shape_matrix(xi, hermite_slope) @ e / l), w) for xi, w in measures.axial_rule]
     return [(axial_strain(slope, measures.axial), w) for slope, w in slopes]
 
 

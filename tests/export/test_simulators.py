@@ -25,6 +25,7 @@ from ancf_casadi import (
     static_equilibrium,
 )
 from ancf_casadi.export import write_exudyn, write_mujoco, write_newton, write_pyelastica
+from ancf_casadi.export.simulators.exudyn import CableMeasures
 from ancf_casadi.export.simulators.segments import divide_beam, poles, step_matrix
 from ancf_casadi.export.simulators.settings import damping_coefficients
 from problems import fit_decay, fit_modes
@@ -386,6 +387,20 @@ def test_a_prestressed_beam_with_a_free_end_is_as_short_in_exudyn(paper_beam, tm
     assert system.GetSensorValues(tip)[:2] == pytest.approx(static_equilibrium(model).tip, abs=1e-5)
     values = system.ComputeODE2Eigenvalues()[0]
     assert np.sqrt(np.sort(np.abs(values))[:3]) / (2 * math.pi) == pytest.approx(found.frequencies, rel=1e-4)
+
+
+def test_the_error_of_a_stretching_mode_in_exudyn_is_reported(paper_beam, tmp_path):
+    """The third mode of a thick beam stretches it; the closed form is that of a rod, (E/rho)^(1/2)/(4 L)."""
+    pytest.importorskip("exudyn")
+    model = Model(paper_beam(8, thickness=0.05))
+    exported = write_exudyn(model, tmp_path / "beam.py")
+    system, *_ = runpy.run_path(str(tmp_path / "beam.py"))["build"](0.0)
+    frequencies = np.sqrt(np.sort(np.abs(system.ComputeODE2Eigenvalues()[0]))[:3]) / (2 * math.pi)
+    cable_modes = natural_modes(Model(model.beam, CableMeasures()), count=3)
+    assert cable_modes.frequencies == pytest.approx(frequencies, rel=1e-6)
+    assert exported.reached_frequencies == pytest.approx(frequencies, rel=4e-3)
+    assert exported.frequencies[2] == pytest.approx(math.sqrt(210e9 / 8000.0) / (4 * 0.5), rel=2e-3)
+    assert exported.reached_frequencies[2] > 1.015 * exported.frequencies[2]
 
 
 @pytest.mark.parametrize("tip_mass", [0.01, 0.03])

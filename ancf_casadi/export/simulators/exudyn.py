@@ -1,6 +1,6 @@
-"""The beam as a script of Exudyn: the same elements, ``ObjectANCFCable2D``, with the same strains.
+"""The beam as a script of Exudyn: the same elements, ``ObjectANCFCable2D``, with the same measures of strain.
 
-    elements        those of the beam, with useReducedOrderIntegration=2, whose axial strain is that of this project
+    elements        those of the beam, with useReducedOrderIntegration=2, whose axial strain is taken at other points
     beta            bendingDamping = beta E I, axialDamping = beta E A
     alpha, eta1     a damping matrix per element, multiples of its mass matrix (``ObjectGenericODE2``)
     eta2            a symbolic user function of a ``CartesianSpringDamper`` at two Gauss points per element
@@ -23,6 +23,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -46,9 +47,20 @@ from ancf_casadi.mechanics.nodes import NODE
 from ancf_casadi.mechanics.strain import StrainMeasures
 from ancf_casadi.mechanics.supports import Clamp
 from ancf_casadi.support.arrays import Array
-from ancf_casadi.vibration.modes import Modes
+from ancf_casadi.vibration.modes import Modes, natural_modes
 
+LOBATTO = ((0.0, 1 / 6), (0.5, 2 / 3), (1.0, 1 / 6))
 SPECTRAL_RADIUS = 0.6  # with 0.9, waves along the stiff beam let Newton's method fail at long steps
+
+
+@dataclass(frozen=True)
+class CableMeasures(StrainMeasures):
+    """The strain measures of Exudyn's cable: those of this project, with the axial strain at Lobatto's three points."""
+
+    @property
+    def axial_rule(self) -> Sequence[tuple[float, float]]:
+        """The points of the axial term and their weights."""
+        return LOBATTO
 
 
 def write_exudyn(
@@ -98,14 +110,15 @@ def write_exudyn(
     coefficients = damping_coefficients((term for term in terms if term not in modal), modes, request.amplitude)
     rayleigh = RayleighDamping(coefficients.alpha, coefficients.beta)
     written_law = SumOfLaws((rayleigh, QuadraticDamping(coefficients.eta1, coefficients.eta2), *modal))
-    ratios = written_law.damping_ratios(modes, equal_speed_amplitudes(modes, request.amplitude))
+    cable_modes = natural_modes(Model(beam, CableMeasures()), count=modes.count)
+    ratios = written_law.damping_ratios(cable_modes, equal_speed_amplitudes(modes, request.amplitude))
 
     def transition_matrix(mode: int, step: float) -> Array:
-        blocks = map(_generalised_alpha, modes.angular_frequencies, ratios, [step] * modes.count)
+        blocks = map(_generalised_alpha, cable_modes.angular_frequencies, ratios, [step] * modes.count)
         return np.asarray(scipy.linalg.block_diag(*blocks))
 
     values = _template_values(modes, modal, request.amplitude)
-    step = longest_step(request, modes.frequencies, float(ratios[0]), transition_matrix)
+    step = longest_step(request, cable_modes.frequencies, float(ratios[0]), transition_matrix)
     return write_template(request, coefficients, beam.elements, step, transition_matrix, **values)
 
 

@@ -27,7 +27,7 @@ from ancf_casadi import (
     reduce_model,
     simulate,
 )
-from ancf_casadi.response.harmonic_balance.beams import full_system
+from ancf_casadi.response.harmonic_balance.beams import SlopeCorrections, full_system
 from tests.boundary.cases import REFERENCES
 
 LENGTH, SLENDERNESS = 1.0, 1000.0  # m, length per radius of gyration
@@ -233,3 +233,56 @@ def test_the_resonance_of_a_beam_on_a_roller_has_no_fold_in_small_motion():
     assert not curve.bifurcations and (np.diff(curve.frequencies) > 0.0).all()
     reduced = frequency_response(reduce_model(model, modes=4, damping=law), ends, base=base)
     assert curve.amplitude(0.25).max() == pytest.approx(reduced.amplitude(0.25).max(), rel=1e-3)
+
+
+HELD_BEYOND_THE_BEGINNING = {
+    "roller": (Pin(0.0), Roller(0.6)),
+    "oblique": (Clamp(0.0), Roller(1.0, (1.0, 1.0))),
+    "guides": (Guide(0.0, (0.0, 1.0)), Guide(1.0, (1.0, 0.0))),
+    "spans": (Clamp(0.0), Roller(0.4), Roller(0.7)),
+}
+
+
+@pytest.mark.parametrize("name", HELD_BEYOND_THE_BEGINNING)
+def test_corrections_of_a_beam_on_rollers_bend_it_without_stretching_it(name):
+    """A sum stretches the slopes by half the square of their turn; turned slopes keep to the supports as well."""
+    model = strip(8, supports=HELD_BEYOND_THE_BEGINNING[name])
+    shape = model.of_free(natural_modes(model, count=2).shapes[:, 1:])
+    straight, corrections = model.of_free(model.straight)[:, None], SlopeCorrections.of(model)
+
+    def stretch(q):
+        return np.abs(model.gauss_strains(model.whole(q[:, 0], np.array([0.0, 0.0, *model.beam.axis])))).max()
+
+    change = 0.05 * LENGTH / np.abs(model.with_fixed_base(shape)[1::4]).max() * shape
+    bent = corrections.add_corrections(straight, change)
+    assert stretch(bent) < 0.05 * stretch(straight + change)
+    further = corrections.turn_vectors(straight, bent, 1e-4 * change, "forth")
+    assert stretch(bent + further) - stretch(bent) < 0.05 * (stretch(bent + 1e-4 * change) - stretch(bent))
+    small = corrections.add_corrections(straight, 1e-4 * change) - straight
+    assert np.abs(small - 1e-4 * change).max() < 1e-3 * np.abs(1e-4 * change).max()
+
+
+@pytest.mark.parametrize("name", HELD_BEYOND_THE_BEGINNING)
+def test_residuals_turn_back_by_the_transpose_of_the_matrix_that_turns_corrections_forth(name):
+    model, rng = strip(4, supports=HELD_BEYOND_THE_BEGINNING[name]), np.random.default_rng(3)
+    corrections, straight = SlopeCorrections.of(model), model.of_free(model.straight)[:, None]
+    change, residual = rng.normal(size=(2, model.freedoms, 1))
+    bent = corrections.add_corrections(straight, 0.1 * model.free_scale[:, None] * rng.normal(size=straight.shape))
+    forth = corrections.turn_vectors(straight, bent, change, "forth")
+    back = corrections.turn_vectors(straight, bent, residual, "back")
+    assert np.vdot(residual, forth) == pytest.approx(np.vdot(back, change), rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("supports", "amplitude"), [((Pin(0.0), Roller(0.6)), 1e-3), ((Clamp(0.0), Roller(1.0, (1.0, 1.0))), 2e-4)]
+)
+def test_a_beam_on_a_roller_has_a_curve_of_as_many_points_as_its_reduced_model(supports, amplitude):
+    """Corrections that stretch the beam would need four to eight times as many."""
+    model, law = strip(4, supports=supports), RayleighDamping(alpha=0.8)
+    frequency = natural_modes(model, count=1).frequencies[0]
+    ends = 0.95 * frequency, 1.05 * frequency
+    base = HarmonicBase(amplitude=amplitude, frequency=ends[0], direction=(0.0, 1.0))
+    full = frequency_response(model, ends, damping=law, base=base, points=4)
+    reduced = frequency_response(reduce_model(model, modes=2, damping=law), ends, base=base, points=4)
+    assert len(full.motions) <= 1.5 * len(reduced.motions)
+    assert full.amplitude().max() == pytest.approx(reduced.amplitude().max(), rel=1e-3)

@@ -17,6 +17,7 @@ from typing import Literal
 
 import casadi as cs
 import numpy as np
+import scipy.linalg
 
 from ancf_casadi.damping import DampingLaw, Parameter
 from ancf_casadi.dynamics.equations import Equations
@@ -43,6 +44,8 @@ from ancf_casadi.vibration.statics import static_equilibrium
 
 GRAVITY_SIZE = 2  # first parameters of a beam, which do not vary
 CACHED_SYSTEMS = 8  # systems whose Functions are kept
+SUPPORT_CORRECTIONS = 3  # iterations that take turned slopes back to the supports
+STRETCHING = 0.01  # stretch of a slope by a force, relative to its turn by a moment; 1 and 1e-6 need more iterations
 STRAIGHT = 1e-9  # of the length of the beam, or of a direction
 
 
@@ -235,49 +238,82 @@ class SlopeCorrections:
     The coordinates of the nodes of the beam are equivalent to pairs P e: the slopes r' at the two Gauss points of each
     element, and slope and position of the first node.  A correction turns each slope by the angle (r' x dr')/|r'|^2 and
     multiplies its length by exp(r' . dr'/|r'|^2).
+
+    Supports beyond the beginning require Z^T P (e - G b) = 0, which turned slopes violate.  Forces Z l on the pairs
+    restore it, with the flexibility C of a free uniform beam, which turns easily and stretches little.
     """
 
     matrix: Array  # P N, (4 n + 4, N)
     constant: Array  # P G b with the base at the origin, (4 n + 4,)
     inverse: Array  # N^T P^-1, (N, 4 n + 4)
     translation: Array  # change of the free coordinates per displacement of the whole beam, (N, 2)
+    normals: Array  # Z, (4 n + 4, g); g = 0 without supports beyond the beginning
+    bending: Array  # turn of each slope per moment on each, relative to a rigid turn, (2 n + 1, 2 n + 1)
+    length: float  # of the beam, m
 
     @staticmethod
-    def of(model: Model) -> SlopeCorrections | None:
-        """Return the corrections of a beam; None if supports beyond its beginning hold it, which turning would move."""
+    def of(model: Model) -> SlopeCorrections:
+        """Return the corrections of a beam."""
         beam, first_coordinate, node = model.beam, NODE * model.root, np.eye(NODE, model.size, NODE * model.root)
-        if (model.weights[first_coordinate + NODE :] != 1.0).any():
-            return None
         pairs = np.vstack([*(model.slope_interpolation(s) for s in model.all_gauss_points), node[2:], node[:2]])
         zeros, inverse = np.zeros((first_coordinate, len(pairs))), np.linalg.inv(pairs[:, first_coordinate:])
+        free_motions, points = model.with_fixed_base(np.eye(model.freedoms)), [*model.all_gauss_points, 0.0]
+        normals = np.zeros((len(pairs), 0))
+        if (model.weights[first_coordinate + NODE :] != 1.0).any():
+            normals = inverse.T @ scipy.linalg.null_space(free_motions[first_coordinate:].T)
         return SlopeCorrections(
-            matrix=pairs @ model.with_fixed_base(np.eye(model.freedoms)),
+            matrix=pairs @ free_motions,
             constant=pairs @ model.whole_of_base @ np.array([0.0, 0.0, *beam.axis]),
             inverse=model.of_free(np.vstack([zeros, inverse])),
             translation=model.of_free(model.unit_velocities),
+            normals=normals,
+            bending=1.0 + np.minimum.outer(points, points) / beam.length,
+            length=beam.length,
         )
 
     def add_corrections(self, q: Array, change: Array) -> Array:
         """Return coordinates (N, k) after corrections (N, k)."""
-        pairs, corrections = self._pairs(q), _complex(self.matrix @ change)
-        rate = corrections[:-1] / pairs[:-1]
-        # 5.0 limits the logarithm of the factor by which a correction stretches a slope
-        turn = np.exp(np.minimum(rate.real, 5.0) + 1j * rate.imag)
-        end = np.concatenate([pairs[:-1] * turn, (pairs + corrections)[-1:]])
-        return np.asarray(self.inverse @ (_real(end) - self.constant[:, None]))
+        pairs = _turn_pairs(self._pairs(q), _complex(self.matrix @ change))
+        for _ in range(SUPPORT_CORRECTIONS if self.normals.size else 0):
+            gaps = self.normals.T @ (_real(pairs) - self.constant[:, None])
+            pairs = _turn_pairs(pairs, -np.einsum("kig,gk->ik", self._support_motions(pairs), gaps))
+        return np.asarray(self.inverse @ (_real(pairs) - self.constant[:, None]))
 
     def turn_vectors(self, reference: Array, q: Array, vectors: Array, direction: Literal["forth", "back"]) -> Array:
         """Turn each slope of vectors by its angle from the reference to q (forth), or of residuals by the reverse."""
-        before, after = (self._pairs(coordinates)[:-1] for coordinates in (reference, q))
-        turn = after / before if direction == "forth" else before / after
-        to_pairs, from_pairs = (self.matrix, self.inverse) if direction == "forth" else (self.inverse.T, self.matrix.T)
-        pairs = _complex(to_pairs @ vectors)
-        pairs[:-1] *= turn / np.abs(turn)
-        return np.asarray(from_pairs @ _real(pairs))
+        before, after = self._pairs(reference), self._pairs(q)
+        turn, motions = after[:-1] / before[:-1], self._support_motions(after)
+        turn /= np.abs(turn)
+        if direction == "forth":
+            pairs = _complex(self.matrix @ vectors)
+            pairs[:-1] *= turn
+            pairs -= np.einsum("kig,gk->ik", motions, self.normals.T @ _real(pairs))
+            return np.asarray(self.inverse @ _real(pairs))
+        pairs = _complex(self.inverse.T @ vectors)
+        pairs -= _complex(self.normals @ np.einsum("kig,ik->gk", motions.conj(), pairs).real)
+        pairs[:-1] /= turn
+        return np.asarray(self.matrix.T @ _real(pairs))
+
+    def _support_motions(self, pairs: ComplexArray) -> ComplexArray:
+        """Return C Z (Z^T C Z)^-1, the motion of the pairs that moves the beam by 1 at one support, (k, 2 n + 2, g)."""
+        normals, directions = _complex(self.normals), (pairs[:-1] / np.abs(pairs[:-1])).T[:, :, None]
+        forces = normals[:-1] * directions.conj()
+        turned_slopes = directions * (STRETCHING * forces.real + 1j * (self.bending @ forces.imag))
+        first_node = np.broadcast_to(self.length**2 * normals[-1:], (len(forces), 1, normals.shape[1]))
+        motions = np.concatenate([turned_slopes, first_node], axis=1)
+        return np.asarray(motions @ np.linalg.inv((normals.conj().T @ motions).real))
 
     def _pairs(self, q: Array) -> ComplexArray:
         """Return the slopes, and the position of the first node, (2 n + 2, k)."""
         return _complex(self.matrix @ q + self.constant[:, None])
+
+
+def _turn_pairs(pairs: ComplexArray, corrections: ComplexArray) -> ComplexArray:
+    """Return slopes turned and stretched by corrections (2 n + 2, k), and the corrected position of the first node."""
+    rate = corrections[:-1] / pairs[:-1]
+    # 5.0 limits the logarithm of the factor by which a correction stretches a slope
+    turn = np.exp(np.clip(rate.real, -5.0, 5.0) + 1j * rate.imag)
+    return np.concatenate([pairs[:-1] * turn, (pairs + corrections)[-1:]])
 
 
 def _complex(vectors: Array) -> ComplexArray:

@@ -135,8 +135,9 @@ def small_motion_at(
 ) -> Point:
     """Return the motion near the linear response to a small amplitude; ``scale`` is a typical amplitude."""
     (at_rest, response_slope), setting = response, Setting(omega, 0.0)
-    size = max(motion_size(balance, amplitude * response_slope), SMALLEST_SIZE)
-    family = Family(balance, setting, ("amplitude",), (scale,), size, tolerance)
+    size = motion_size(balance, amplitude * response_slope)
+    # a force of second order in the excitation has a response although the linear one is zero
+    family = Family(balance, setting, ("amplitude",), (scale,), size if size > SMALLEST_SIZE else 0.01, tolerance)
     start, change = family.join(at_rest, setting), family.join(amplitude * response_slope, Setting(omega, amplitude))
     try:
         return point_at(family, family.add_change(start, change), family.unit("amplitude"))

@@ -177,3 +177,14 @@ def test_a_force_too_sharp_for_the_harmonics_gives_one_line():
     sharp = oscillator(lambda q: q, lambda v: 0.1 * cs.tanh(1e5 * v))
     with pytest.raises(NumericsError, match=r"needs more than \d+ harmonics"):
         periodic_motion(sharp, force=HarmonicForce(0.3, 0.9 * HZ))
+
+
+def test_a_force_with_the_square_of_the_excitation_drives_at_twice_its_frequency():
+    """The force u^2 of an electrode is A^2/2 (1 - cos 2 w t); its linear response is zero."""
+    q, v, a, u = (cs.SX.sym(name) for name in "qvau")
+    system = SecondOrderSystem.of(q, v, a, u, conservative=a + q, damping=0.05 * v, excitation=u**2)
+    Ω, A = 1.3, 0.1
+    harmonics = periodic_motion(system, force=HarmonicForce(amplitude=A, frequency=Ω * HZ)).harmonics()
+    assert harmonics[0].imag == pytest.approx(A**2 / 2)
+    assert abs(harmonics[2]) == pytest.approx(A**2 / 2 / abs(1 - (2 * Ω) ** 2 + 2j * Ω * 0.05))
+    assert abs(harmonics[1]) < 1e-12

@@ -11,6 +11,7 @@ from ancf_casadi import (
     Dashpot,
     Guide,
     HarmonicBase,
+    HarmonicLoad,
     Model,
     Pin,
     PointMass,
@@ -286,3 +287,25 @@ def test_a_beam_on_a_roller_has_a_curve_of_as_many_points_as_its_reduced_model(s
     reduced = frequency_response(reduce_model(model, modes=2, damping=law), ends, base=base, points=4)
     assert len(full.motions) <= 1.5 * len(reduced.motions)
     assert full.amplitude().max() == pytest.approx(reduced.amplitude().max(), rel=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("supports", "load"),
+    [(PINNED, HarmonicLoad((3.0, 4.0), 8.0)), (CLAMPED, HarmonicLoad((0.0, 0.0), 8.0, moment=2.0))],
+)
+def test_a_load_on_a_support_moves_nothing(supports, load):
+    model = strip(4, supports=supports)
+    curve = frequency_response(model, (8.0, 12.0), damping=RayleighDamping(alpha=ALPHA), load=load, points=4)
+    assert curve.frequencies[-1] == pytest.approx(12.0)
+    assert curve.amplitude(0.5).max() < 1e-13 * LENGTH
+    assert curve.stable.all()
+
+
+def test_motions_far_below_the_rounding_of_the_forces_of_large_ones_are_found():
+    """A picometre of the base, and a load along the beam that stretches it by F L/(E A), less than a nanometre."""
+    model, law = strip(4), RayleighDamping(alpha=ALPHA)
+    motion = periodic_motion(model, damping=law, base=HarmonicBase(1e-12, 8.0, direction=(0.0, 1.0)))
+    linear = linear_frf(model, law, [8.0], kind="relative-transmissibility").amplitude[0, 0, 0]
+    assert motion.amplitude() == pytest.approx(1e-12 * linear, rel=1e-3)
+    motion = periodic_motion(model, damping=law, load=HarmonicLoad((1e-2, 0.0), 8.0))
+    assert motion.amplitude(direction=(1.0, 0.0)) == pytest.approx(1e-2 * LENGTH * RADIUS**2 / EI, rel=1e-3)

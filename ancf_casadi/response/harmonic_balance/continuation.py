@@ -65,8 +65,8 @@ def point_at(family: Family, guess: Array, row: Array, nearby: Point | None = No
         errors = point.errors
         if not np.isfinite(errors.largest):
             raise NotFound
-        # an error below 1e-6 that does not decrease by half is due to rounding
-        if coarser and 0.5 * coarser.errors.largest < errors.largest <= 1e-6:
+        # an error that does not decrease by half is due to rounding
+        if coarser and 0.5 * coarser.errors.largest < errors.largest <= family.rounding:
             return coarser
         coarser = point
         if errors.largest <= family.tolerance:

@@ -44,6 +44,7 @@ if TYPE_CHECKING:
     from ancf_casadi.response.harmonic_balance.beams import SlopeCorrections
 
 NEWTON_ERROR = 1e-11  # error of the unknowns relative to their scales
+ROUNDING = 1e-13  # error of the unknowns by rounding, relative to the scale of the system
 LARGEST_NEWTON_STEP = 100.0  # largest step, relative to the scales
 
 
@@ -68,6 +69,11 @@ class Family:
         """Scale s of the unknowns."""
         coefficients = np.tile(self.size * self.balance.system.scale, (self.balance.fourier.size, 1))
         return np.concatenate([coefficients[self.balance.allowed], self.scales])
+
+    @property
+    def rounding(self) -> float:
+        """Error relative to the size that may be due to rounding if it does not decrease."""
+        return max(1e-6, ROUNDING / self.size)
 
     def place(self, name: str) -> int:
         """Return the place of a free entry of the setting among the unknowns."""
@@ -244,8 +250,8 @@ def solve(family: Family, guess: Array, row: Array, nearby: Point | None = None)
         if not np.isfinite(length) or (is_fresh and length > LARGEST_NEWTON_STEP):
             raise NotFound
         if length > min(LARGEST_NEWTON_STEP, contraction * last_length):
-            # a step below 1e-6 stagnates by rounding, with derivatives from within 1e-3
-            if distance <= 1e-3 and last_length <= 1e-6 and length > last_length / 2:
+            # a short step stagnates by rounding, with derivatives from nearby
+            if distance <= 1e3 * family.rounding and last_length <= family.rounding and length > last_length / 2:
                 return z
             if evaluations == 10:
                 raise NotFound

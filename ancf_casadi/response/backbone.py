@@ -178,7 +178,7 @@ def backbone(
     Raises
     ------
     InputError
-        If an argument is not in its range, or there is no such mode.
+        If an argument is not in its range, there is no such mode, or it moves the beam along its axis.
     EquilibriumError
         If the beam has no equilibrium under gravity.
     NumericsError
@@ -247,7 +247,10 @@ def _small_mode_motion(subject: Excited, mode: int, amplitude: float, tolerance:
     shape, omega = shapes[:, mode - 1], math.sqrt(eigenvalues[mode - 1])
     setting, change, functional = Setting(omega, 0.0, float(shape @ D @ shape)), np.zeros_like(C), M @ shape
     change[SINE] = shape
-    change *= amplitude / (_amplitude(subject, C + change * 1e-6, setting) * 1e6)
+    mode_amplitude = 1e6 * _amplitude(subject, C + change * 1e-6, setting)
+    if subject.model is not None and mode_amplitude <= 1e-6 * subject.model.beam.length * motion_size(balance, change):
+        raise InputError(f"{mode} moves the beam along its axis; its amplitude across it is zero", "mode")
+    change *= amplitude / mode_amplitude
     family = Family(
         balance, setting, ("omega", "growth"), (omega, omega), motion_size(balance, change), tolerance, functional
     )

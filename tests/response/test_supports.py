@@ -12,6 +12,7 @@ from ancf_casadi import (
     Guide,
     HarmonicBase,
     HarmonicLoad,
+    InputError,
     Model,
     Pin,
     PointMass,
@@ -309,3 +310,14 @@ def test_motions_far_below_the_rounding_of_the_forces_of_large_ones_are_found():
     assert motion.amplitude() == pytest.approx(1e-12 * linear, rel=1e-3)
     motion = periodic_motion(model, damping=law, load=HarmonicLoad((1e-2, 0.0), 8.0))
     assert motion.amplitude(direction=(1.0, 0.0)) == pytest.approx(1e-2 * LENGTH * RADIUS**2 / EI, rel=1e-3)
+
+
+def test_a_mode_along_the_beam_has_no_backbone():
+    """The amplitude is that across the beam; mode 3 of a thick beam moves along it, and modes 2 and 4 across."""
+    thick = Model(Beam.uniform(length=0.5, width=0.005, thickness=0.05, density=8000.0, elastic_modulus=210e9,
+                               elements=4, axis=(1.0, 0.0), gravity=(0.0, 0.0)))  # fmt: skip
+    with pytest.raises(InputError):
+        backbone(thick, mode=3, amplitude=1e-4)
+    for mode in (2, 4):
+        curve = backbone(thick, mode=mode, amplitude=1e-4, points=2)
+        assert curve.frequency(1e-5) == pytest.approx(natural_modes(thick, count=4).frequencies[mode - 1], rel=1e-4)

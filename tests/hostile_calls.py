@@ -143,7 +143,8 @@ def calls(folder: Path) -> dict[str, tuple[Callable, dict]]:
     frf = (1 + 1e-3 * np.random.default_rng(1).standard_normal(40)) / (f**2 - grid**2 + 0.04j * f * grid)
     frequencies = tuple(modes.frequencies.tolist())
     markers = np.zeros((40, 1, 2)) + [0.0, -0.5] + np.outer(values[:40], [1.0, 0.0])[:, None, :]
-    motion_record = p.MotionRecord([a.Measurement(instants[:40], values[:40])], base)
+    driven = a.simulate(model, duration=instants[39], damping=rayleigh, base=base, sample_rate=20 * f)
+    motion_record = p.MotionRecord([a.Measurement(driven.time, driven.tip[:, 0])], base)
     point = a.PointLoad((0.01, 0.0))
     static = p.StaticRecord(model, [point], [1e-3], a.Sensor("displacement"))
     natural = p.FrequencyRecord(model, frequencies)

@@ -331,14 +331,14 @@ class MotionBlock(Block):
 
         The channels of a record count in units of their noise.
         """
-        shares, readings = [], iter(zip(self.sensors, self.channels(fitted), strict=True))
+        shares, deviations = [], self.weights.deviations.tolist()
+        readings = iter(zip(self.sensors, self.channels(fitted), deviations, strict=True))
         for number, record in self.numbered:
             motion = unexplained = 0.0
-            for sensor_channel, channel in islice(readings, len(record.own_channels)):
+            for sensor_channel, channel, deviation in islice(readings, len(record.own_channels)):
                 white = float(np.sum(third_differences(sensor_channel) ** 2))
-                left = max(float(np.sum(channel.residuals**2)) - white, 0.0)
-                unexplained += left / channel.noise**2
-                motion += channel.predicted.size * float(np.var(channel.predicted)) / channel.noise**2
+                unexplained += max(float(np.sum(channel.residuals**2)) - white, 0.0) / deviation**2
+                motion += channel.predicted.size * float(np.var(channel.predicted)) / deviation**2
             shares.append((record.name or f"record {number}", math.sqrt(unexplained / ((motion + unexplained) or 1.0))))
         return shares
 

@@ -14,7 +14,13 @@ from scipy.signal import lfilter
 from ancf_casadi import Beam, InputError, Model
 from ancf_casadi.estimation.intervals import profile_interval
 from ancf_casadi.estimation.posterior.log_density import LogDensity
-from ancf_casadi.estimation.posterior.sampling import _chain, expand, largest_r_hat, resample, sample_posterior
+from ancf_casadi.estimation.posterior.sampling import (
+    _chain,
+    largest_r_hat,
+    resample,
+    sample_posterior,
+    second_order_density,
+)
 from ancf_casadi.estimation.solver.least_squares import least_squares
 from ancf_casadi.estimation.solver.unknown import Unknown
 from problems import FrequencyRecord, corner_figure, fit_beam, fit_decay
@@ -89,7 +95,7 @@ def test_its_curvature_at_the_estimates_is_the_inverse_of_the_reported_covarianc
     ]
     curvature = np.array(rows) @ density.scale
     np.testing.assert_allclose(curvature, (f + n) / f * np.eye(n), atol=0.01)  # the residuals are not quite linear
-    covariance = np.diag(density.slopes(density.start)) @ density.scale
+    covariance = np.diag(density.transformation.slopes(density.start)) @ density.scale
     np.testing.assert_allclose(covariance @ covariance.T, density.fit.covariance, rtol=1e-6)
 
 
@@ -183,7 +189,9 @@ def test_the_expansion_to_second_order_is_exact_for_residuals_of_second_order():
     density = LogDensity(least_squares(residuals, [Unknown("a", 1.0, lower=0.0), Unknown("b", 1.0)]))
     for c in ([0.0, 0.0], [1.0, 2.0], [-1.5, 1.0]):
         x = density.start + density.scale @ c
-        (value, gradient), (exact, exact_gradient) = (d.value_and_gradient(x) for d in (expand(density), density))
+        (value, gradient), (exact, exact_gradient) = (
+            d.value_and_gradient(x) for d in (second_order_density(density), density)
+        )
         assert value == pytest.approx(exact, rel=1e-9)
         np.testing.assert_allclose(gradient, exact_gradient, rtol=1e-7, atol=1e-7)
 
@@ -268,10 +276,10 @@ def test_a_chain_corrects_what_the_expansion_leaves_out():
     """Of exp a - y, the expansion lacks the third order: its median agrees, and its lower tail does not."""
     values = 1.0 + 2.0 * np.random.default_rng(0).standard_normal(30)
     density = LogDensity(least_squares(lambda a: cs.exp(a) - cs.DM(values), [Unknown("a", 0.1, 1.0, -3.0, 2.0)]))
-    draws, *_ = _chain(density, expand(density), 1500, np.random.SeedSequence(0))
+    draws, *_ = _chain(density, second_order_density(density), 1500, np.random.SeedSequence(0))
     shares = [0.1, 0.5, 0.9]
     found = np.quantile(density.unknowns(draws)[:, 0], shares)
-    exact, without = quantiles(density, shares), quantiles(expand(density), shares)
+    exact, without = quantiles(density, shares), quantiles(second_order_density(density), shares)
     assert np.abs(without - exact).max() > 0.2  # what there is to correct
     np.testing.assert_allclose(found, exact, atol=0.1)
 

@@ -26,14 +26,7 @@ the noise differs from these, or is coloured, the maximum of the density is besi
 An unknown without a prior has a constant density within its bounds.  Stiffnesses of a beam and of its clamps have it in
 their reciprocal y (``solver.unknown``), in which a rigid clamp is no more than the point 0.
 
-Samplers work with coordinates z without bounds:
-
-    y = z                                                    without bounds,
-    y = a + s log(1 + e^z)    or    b - s log(1 + e^z)       with one,
-    y = a + s log((1 + e^z)/(1 + e^(z - R))),    R = (b - a)/s    with two,
-
-with s the standard error of y, at most a quarter of b - a.  Within less than s of a bound this is the transformation by
-the logarithm; far from bounds it is linear, and leaves a normal distribution as it is.
+Samplers work with coordinates z without bounds (``transformation``).
 The density of z is that of y times the Jacobian determinant, the product of the derivatives dy_k/dz_k.
 
 References
@@ -41,23 +34,21 @@ References
 M. Ribatet, D. Cooley, A. C. Davison, Bayesian inference from composite likelihoods, with an application to spatial
 extremes, Statistica Sinica 22 (2012), for densities whose curvature agrees with the covariance of an estimate.
 A. Gelman et al., Bayesian Data Analysis, 3rd ed., CRC Press (2013), Section 14.2, for the variance integrated out.
-B. Carpenter et al., Stan: A probabilistic programming language, Journal of Statistical Software 76 (2017), for
-transformations.
 """
 
 from __future__ import annotations
 
 import math
 import warnings
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
 import casadi as cs
 import numpy as np
-import scipy  # its packages are imported on first use
 
 from ancf_casadi.estimation.fit import CONFIDENCE_LEVEL, Fit
+from ancf_casadi.estimation.posterior.transformation import BoundTransformation
 from ancf_casadi.estimation.solve import FitSolution
 from ancf_casadi.estimation.solver.gauss_newton import influence, loss_value, row_weights
 from ancf_casadi.exceptions import InputError
@@ -66,6 +57,26 @@ from ancf_casadi.support.compilation import evaluate_dense
 from ancf_casadi.support.inputs import array
 from ancf_casadi.support.interrupts import delayed_interrupts
 from ancf_casadi.support.tables import Displayed
+
+
+@dataclass(frozen=True, eq=False)
+class SumOfSquares:
+    """The sum of squares Q(y) of the m residuals of measured values."""
+
+    huber: float  # threshold of the loss L
+    variance: float  # v
+    curvature: float  # w
+    basis: Array  # q, (m, n)
+    weights: Array  # K, (n, n)
+    least: float  # 2 L/(v w) + u' K u at the estimates
+
+    def value_and_derivatives(self, residuals: Array) -> tuple[float, Array]:
+        """Return Q, and its derivatives (m,) by the residuals (m,)."""
+        psi, v, w = influence(residuals, self.huber)[0], self.variance, self.curvature
+        u = self.basis.T @ psi / w
+        value = 2 * loss_value(residuals, self.huber) / (v * w) + float(u @ self.weights @ u) - self.least
+        rows = row_weights(residuals, self.huber) ** 2
+        return value, 2 / w * (psi / v + rows * (self.basis @ (self.weights @ u)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -123,38 +134,39 @@ class LogDensity(Displayed):
 
     @cached_property
     def start(self) -> Array:
-        """Coordinates (n,) of the estimates; where a bound is within one standard error, of a point that far from it.
+        """Coordinates (n,) of the estimates, moved to one standard error from each bound that is nearer.
 
-        The other unknowns move as their correlations say.
+        The other unknowns follow as their correlations say.
         """
-        fit, y = self.fit, self.fit.values + self._steps.sum(axis=1) / max(len(self.fit.at_bound), 1)
+        fit, y = self.fit, self.fit.values + self._moves_from_bounds.sum(axis=1) / max(len(self.fit.at_bound), 1)
         for k in np.flatnonzero(~fit.active_bounds).tolist():
-            short = self._errors[k] - np.array([y[k] - fit.lower[k], fit.upper[k] - y[k]])
-            move = float(max(short[0], 0.0) - max(short[1], 0.0))
+            error = self.transformation.units[k]
+            move = max(error - (y[k] - fit.lower[k]), 0.0) - max(error - (fit.upper[k] - y[k]), 0.0)
             y = y + np.nan_to_num(fit.covariance[:, k]) / fit.covariance[k, k] * move
-        # a tenth of the room that is left at a bound
-        return self._free(np.clip(y, *(fit.values + 0.9 * (end - fit.values) for end in (fit.lower, fit.upper))))
+        low, high = (fit.values + 0.9 * (bound - fit.values) for bound in (fit.lower, fit.upper))  # a tenth is left
+        return self.transformation.unbounded(np.clip(y, low, high))
 
     @cached_property
     def scale(self) -> Array:
         """Square root (n, n) of the covariance of the coordinates, a lower triangle; columns are changes of them."""
         errors = np.sqrt(np.diag(self.covariance))
         root = np.linalg.cholesky(self.covariance / np.outer(errors, errors))
-        return np.asarray(root * (self._errors / self.slopes(self.start))[:, None])
+        return np.asarray(root * (self.transformation.units / self.transformation.slopes(self.start))[:, None])
 
     @property
     def covariance(self) -> Array:
         """Covariance (n, n) of the bounded coordinates, also of those at a bound."""
-        return np.asarray(np.nan_to_num(self.fit.covariance) + self._steps @ self._steps.T)
+        return np.asarray(np.nan_to_num(self.fit.covariance) + self._moves_from_bounds @ self._moves_from_bounds.T)
 
-    @property
-    def _errors(self) -> Array:
-        """Standard errors (n,) of the bounded coordinates, at most a quarter of their range."""
-        return np.minimum(np.sqrt(np.diag(self.covariance)), (self.fit.upper - self.fit.lower) / 4)
+    @cached_property
+    def transformation(self) -> BoundTransformation:
+        """The coordinates, in place of those of the solver, which have bounds."""
+        lower, upper = self.fit.lower, self.fit.upper
+        return BoundTransformation(lower, upper, np.minimum(np.sqrt(np.diag(self.covariance)), (upper - lower) / 4))
 
     def unknowns(self, x: Array) -> Array:
         """Return the unknowns (..., n), SI units, at coordinates (..., n)."""
-        return self.fit.coordinates.unknowns(self.bounded(x))
+        return self.fit.coordinates.unknowns(self.transformation.bounded(x))
 
     def coordinates(self, unknowns: Array) -> Array:
         """Return the coordinates (n,) of unknowns (n,) in SI units, which are within their bounds.
@@ -166,7 +178,7 @@ class LogDensity(Displayed):
         """
         values = self._each(unknowns, "unknowns")
         with np.errstate(divide="ignore", over="ignore", invalid="ignore"):
-            free_coordinates = self._free(self.fit.coordinates.at(values))
+            free_coordinates = self.transformation.unbounded(self.fit.coordinates.at(values))
         if not np.isfinite(free_coordinates).all():
             raise InputError("must be within their bounds", "unknowns")
         return free_coordinates
@@ -174,7 +186,7 @@ class LogDensity(Displayed):
     def log_jacobian(self, x: Array) -> float:
         """Return the logarithm of the Jacobian determinant from the coordinates (n,) to the bounded unknowns."""
         with np.errstate(divide="ignore"):
-            return float(np.sum(np.log(np.abs(self.slopes(x)))))
+            return float(np.sum(np.log(np.abs(self.transformation.slopes(x)))))
 
     def value(self, x: Array) -> float:
         """Return the logarithm of the density at coordinates (n,); minus infinity where it cannot be computed."""
@@ -195,17 +207,15 @@ class LogDensity(Displayed):
             return -math.inf, np.zeros(len(x))
         value, by_residuals = self._log_likelihood(r)
         prior, by_prior = self._prior(x)
-        sign, _, _, size = self._ends
-        # gradient of the logarithm of the Jacobian determinant
-        bend = np.where(sign == 0.0, 0.0, scipy.special.expit(-x) - scipy.special.expit(x - size))
-        gradient = (jacobian[: len(by_residuals)].T @ by_residuals / self.fit.scale + by_prior) * self.slopes(x)
-        return value + prior + self.log_jacobian(x), gradient + bend
+        by_bounded = jacobian[: len(by_residuals)].T @ by_residuals / self.fit.scale + by_prior
+        gradient = by_bounded * self.transformation.slopes(x) + self.transformation.log_slope_derivatives(x)
+        return value + prior + self.log_jacobian(x), gradient
 
     def _prior(self, x: Array) -> tuple[float, Array]:
         """Return the logarithm of the density of the priors, and its derivatives (n,) by the bounded coordinates."""
         if not self._prior_count:
             return 0.0, np.zeros(len(x))
-        value, gradient = evaluate_dense(self._prior_function, self.bounded(x))
+        value, gradient = evaluate_dense(self._prior_function, self.transformation.bounded(x))
         return float(value[0, 0]), gradient.ravel()
 
     @cached_property
@@ -222,11 +232,11 @@ class LogDensity(Displayed):
 
     def _evaluate(self, function: cs.Function, x: Array) -> list[Array]:
         """Return the outputs of a Function at coordinates (n,); nan where they cannot be computed."""
-        y = self.bounded(x)
+        y = self.transformation.bounded(x)
         try:
             with warnings.catch_warnings(), delayed_interrupts():
                 warnings.simplefilter("ignore", RuntimeWarning)  # of a motion that cannot be computed
-                if np.isfinite(y).all() and np.isfinite(self.slopes(x)).all():
+                if np.isfinite(y).all() and np.isfinite(self.transformation.slopes(x)).all():
                     return evaluate_dense(function, y / self.fit.scale)
         except RuntimeError:
             pass
@@ -234,14 +244,10 @@ class LogDensity(Displayed):
 
     def _log_likelihood(self, residuals: Array) -> tuple[float, Array]:
         """Return the logarithm of the likelihood, and its derivatives (m,) by the residuals of measured values."""
-        f, d = self.fit.noise.freedom, self.fit.huber
-        n = len(self.names) - self._prior_count
-        v, w, basis, weights, least_square = self._quadratic
-        r = residuals.ravel()[: len(basis)]
-        psi = influence(r, d)[0]
-        u = basis.T @ psi / w
-        square = 2 * loss_value(r, d) / (v * w) + float(u @ weights @ u) - least_square
-        by_residuals = 2 / w * (psi / v + row_weights(r, d) ** 2 * (basis @ (weights @ u)))
+        f, n = self.fit.noise.freedom, len(self.names) - self._prior_count
+        square, by_residuals = self._sum_of_squares.value_and_derivatives(
+            residuals.ravel()[: len(self._sum_of_squares.basis)]
+        )
         if math.isinf(f):
             return -square / 2, -by_residuals / 2
         if square < 0.0:  # below the least of a fit that did not quite reach it
@@ -260,25 +266,24 @@ class LogDensity(Displayed):
         return cs.Function("residuals_alone", [z], [self.fit.model.call([z], True, False)[0]])
 
     @cached_property
-    def _quadratic(self) -> tuple[float, float, Array, Array, float]:
-        """The variance v, the mean curvature w, the basis q (m, n), the matrix K (n, n), and Q at the estimates."""
+    def _sum_of_squares(self) -> SumOfSquares:
+        """Q, whose curvature at the estimates is the inverse of the covariance of the fit."""
         fit = self.fit
-        free = ~fit.active_bounds
         order, m = np.argsort(fit.active_bounds, kind="stable"), len(fit.residuals) - self._prior_count
         residuals = fit.residuals[:m]
         basis = np.linalg.qr((fit.jacobian * fit.scale)[:m, order])[0]
-        psi, w = influence(residuals, fit.huber)
-        n, free = basis.shape[1], free[order][: basis.shape[1]]
+        w, n = influence(residuals, fit.huber)[1], basis.shape[1]
+        at_bound = fit.active_bounds[order][:n]
         P = fit.noise.form(np.pad(basis, [(0, self._prior_count), (0, 0)])) / w**2 + m * fit.systematic**2 * np.eye(n)
-        P[np.not_equal.outer(free, free)] = 0.0  # so that the score of one at a bound moves no other
+        P[np.not_equal.outer(at_bound, at_bound)] = 0.0  # so that the score of one at a bound moves no other
         v, rows = float(np.trace(P)) / n, row_weights(residuals, fit.huber)[:, None] * basis
         M = rows.T @ rows / w
         K = np.linalg.solve(M, np.linalg.solve(M, np.linalg.inv(P) - M / v).T)
-        u = basis.T @ psi / w
-        return v, w, basis, K, 2 * loss_value(residuals, fit.huber) / (v * w) + float(u @ K @ u)
+        square = SumOfSquares(fit.huber, v, w, basis, K, 0.0)
+        return replace(square, least=square.value_and_derivatives(residuals)[0])
 
     @cached_property
-    def _steps(self) -> Array:
+    def _moves_from_bounds(self) -> Array:
         """Changes (n, b) of all unknowns when each of the b ones at a bound moves inwards by one standard error."""
         fit, moves = self.fit, self.fit.bound_moves(CONFIDENCE_LEVEL)[0] / self.fit.quantile(CONFIDENCE_LEVEL)
         for step, k in zip(moves.T, np.flatnonzero(fit.active_bounds).tolist(), strict=True):
@@ -288,33 +293,6 @@ class LogDensity(Displayed):
             room = np.where(step > 0.0, fit.upper - fit.values, fit.values - fit.lower) / 2
             step *= min(1.0, float(np.min(room[step != 0.0] / np.abs(step[step != 0.0]))))
         return moves
-
-    @cached_property
-    def _ends(self) -> tuple[Array, Array, Array, Array]:
-        """Sign of each coordinate (0 without bounds), the bound that it counts from, its unit s, and the range R."""
-        low, high = self.fit.lower, self.fit.upper
-        below, above = np.isfinite(low), np.isfinite(high)
-        sign, origin = np.where(below, 1.0, np.where(above, -1.0, 0.0)), np.where(below, low, high)
-        return sign, np.where(below | above, origin, 0.0), self._errors, (high - low) / self._errors
-
-    def bounded(self, x: Array) -> Array:
-        """Return the coordinates of the solver (..., n)."""
-        sign, origin, unit, size = self._ends
-        with np.errstate(invalid="ignore"):
-            w = np.logaddexp(0.0, x) - np.logaddexp(0.0, x - size)
-        return np.asarray(np.where(sign == 0.0, x, origin + sign * unit * w))
-
-    def _free(self, y: Array) -> Array:
-        """Return the coordinates without bounds (..., n) of those of the solver."""
-        sign, origin, unit, size = self._ends
-        w = np.where(sign == 0.0, 1.0, sign * (y - origin) / unit)
-        return np.asarray(np.where(sign == 0.0, y, w + np.log1p(-np.exp(-w)) - np.log1p(-np.exp(w - size))))
-
-    def slopes(self, x: Array) -> Array:
-        """Return the derivatives (n,) of the coordinates of the solver by those without bounds."""
-        sign, _, unit, size = self._ends
-        slope = scipy.special.expit(x) * scipy.special.expit(size - x) * -np.expm1(-size)
-        return np.asarray(np.where(sign == 0.0, 1.0, sign * unit * slope))
 
     def _each(self, values: Array, where: str) -> Array:
         """Return one number for each unknown (n,)."""

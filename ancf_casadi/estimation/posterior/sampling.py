@@ -35,8 +35,8 @@ import math
 import warnings
 from collections.abc import Sequence
 from concurrent.futures import Executor
-from dataclasses import replace
-from functools import partial
+from dataclasses import dataclass, replace
+from functools import cached_property, partial
 from typing import Any
 
 import casadi as cs
@@ -79,7 +79,7 @@ def sample_posterior(
     draws, chains, seed = whole(draws, "draws", 4), whole(chains, "chains", 1), whole(seed, "seed", 0)
     for module in ("nutpie", "arviz"):
         find_module(module, "sampling needs it", "nutpie 'arviz<1'")
-    expansion = density if density.solution is None else expand(density)
+    expansion = density if density.solution is None else second_order_density(density)
     seeds = np.random.SeedSequence(seed).spawn(chains)
     tasks = [partial(_chain, density, expansion, draws, child) for child in seeds]
     results = run_all(tasks, executor=executor, jobs=jobs, progress=progress, title="chains")
@@ -143,37 +143,61 @@ def resample(log_weights: Array, rng: np.random.Generator) -> Index | None:
     return np.searchsorted(ends / ends[-1], (np.arange(n) + rng.uniform()) / n)
 
 
+@dataclass(frozen=True, eq=False)
+class SamplerCoordinates:
+    """The coordinates c (n,) of nutpie for the z of a density, in which straight ridges over y stay straight."""
+
+    density: LogDensity
+
+    @cached_property
+    def _start(self) -> tuple[Array, Array, Array]:
+        """z_0, y(z_0) and dy/dz there, (n,) each."""
+        z, transformation = self.density.start, self.density.transformation
+        return z, transformation.bounded(z), transformation.slopes(z)
+
+    @cached_property
+    def _regression(self) -> Array:
+        """C_jk/C_kk dz_j/dy_j, the change of z_j with y_k along a ridge, (n, n); 0 for j = k."""
+        covariance, (_, _, slopes) = self.density.covariance, self._start
+        regression = covariance / np.diag(covariance) / slopes[:, None]
+        np.fill_diagonal(regression, 0.0)
+        return regression
+
+    @cached_property
+    def _with_bounds(self) -> list[int]:
+        fit = self.density.fit
+        return np.flatnonzero(np.isfinite(fit.lower) | np.isfinite(fit.upper)).tolist()
+
+    def z(self, c: Array) -> tuple[Array, list[float]]:
+        """Return z (n,), and for each unknown with bounds by how much dy/dz differs from its value at the start."""
+        transformation, (start, y, slopes) = self.density.transformation, self._start
+        z, slope_changes = start + self.density.scale @ c, []
+        for k in self._with_bounds:
+            slope_changes.append(float(transformation.slopes(z)[k] - slopes[k]))
+            with np.errstate(over="ignore", invalid="ignore"):
+                nonlinear_part = transformation.bounded(z)[k] - y[k] - slopes[k] * (z[k] - start[k])
+                z = z + self._regression[:, k] * nonlinear_part
+        return z, slope_changes
+
+    def log_density(self, c: Array) -> tuple[float, Array]:
+        """Return the logarithm of the density, and its gradient (n,) by c."""
+        z, slope_changes = self.z(c)
+        value, gradient = self.density.value_and_gradient(z)
+        for k, slope_change in reversed([*zip(self._with_bounds, slope_changes, strict=True)]):
+            gradient[k] += slope_change * float(self._regression[:, k] @ gradient)
+        return value, gradient @ self.density.scale
+
+
 def _nuts(density: LogDensity, draws: int, seed: np.random.SeedSequence) -> Chain:
     """Return a chain of the No-U-Turn sampler, which starts at random about the estimates."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # of coming changes
         nutpie = importlib.import_module("nutpie")
         compiled_pyfunc = importlib.import_module("nutpie.compiled_pyfunc")
-    n, rng = len(density.names), np.random.default_rng(seed)
-
-    start, slopes = density.start, density.slopes(density.start)
-    y, ties = density.bounded(start), density.covariance / np.diag(density.covariance) / slopes[:, None]
-    np.fill_diagonal(ties, 0.0)
-    bounded = np.flatnonzero(np.isfinite(density.fit.lower) | np.isfinite(density.fit.upper)).tolist()
-
-    def point(c: Array) -> tuple[Array, list[float]]:
-        x, bends = start + density.scale @ c, []
-        for k in bounded:
-            bends.append(float(density.slopes(x)[k] - slopes[k]))
-            with np.errstate(over="ignore", invalid="ignore"):
-                x = x + ties[:, k] * (density.bounded(x)[k] - y[k] - slopes[k] * (x[k] - start[k]))
-        return x, bends
-
-    def log_density(c: Array) -> tuple[float, Array]:
-        x, bends = point(c)
-        value, gradient = density.value_and_gradient(x)
-        for k, bend in zip(bounded[::-1], bends[::-1], strict=True):
-            gradient[k] += bend * float(ties[:, k] @ gradient)
-        return value, gradient @ density.scale
-
+    n, rng, coordinates = len(density.names), np.random.default_rng(seed), SamplerCoordinates(density)
     model = compiled_pyfunc.from_pyfunc(
         n,
-        lambda: log_density,
+        lambda: coordinates.log_density,
         lambda *_: lambda c: {"c": np.array(c)},
         [np.dtype(float)],
         [(n,)],
@@ -193,26 +217,25 @@ def _nuts(density: LogDensity, draws: int, seed: np.random.SeedSequence) -> Chai
             progress_bar=False,
             save_warmup=False,
         )
-    coordinates = np.array([point(c)[0] for c in trace.posterior["c"].values[0]])
-    stats = trace.sample_stats
-    return coordinates, np.asarray(stats["logp"].values[0]), np.asarray(stats["diverging"].values[0], dtype=bool)
+    points, stats = np.array([coordinates.z(c)[0] for c in trace.posterior["c"].values[0]]), trace.sample_stats
+    return points, np.asarray(stats["logp"].values[0]), np.asarray(stats["diverging"].values[0], dtype=bool)
 
 
-def expand(density: LogDensity) -> LogDensity:
+def second_order_density(density: LogDensity) -> LogDensity:
     """Return the density of residuals to second order in the unknowns, which needs no measurements."""
-    fit = density.fit
-    middle = density.bounded(density.start) / fit.scale
-    root = (density.slopes(density.start) / fit.scale)[:, None] * density.scale
+    fit, start = density.fit, density.start
+    middle = density.transformation.bounded(start) / fit.scale
+    root = (density.transformation.slopes(start) / fit.scale)[:, None] * density.scale
     r, jacobian = residuals_and_jacobian(fit.model, middle)
-    bends = []
+    second_derivatives = []
     for step in root.T:
         with np.errstate(divide="ignore", invalid="ignore"):
-            rooms = (fit.upper / fit.scale - middle) / step, (fit.lower / fit.scale - middle) / step
+            to_bounds = np.array([fit.upper / fit.scale - middle, fit.lower / fit.scale - middle]) / step
         # one standard error either way, or less at a bound
-        ahead, back = (min(1.0, float(np.nanmin(np.fmax(*pair)))) for pair in (rooms, [-room for room in rooms]))
-        ends = [residuals_and_jacobian(fit.model, middle + at * step)[1] for at in (ahead, -back)]
-        bends.append((ends[0] - ends[1]) / (ahead + back) @ root)
-    B = np.array(bends)  # (k, m, j)
+        ahead, back = (min(1.0, float(np.nanmin(np.fmax.reduce(room)))) for room in (to_bounds, -to_bounds))
+        at_ends = [residuals_and_jacobian(fit.model, middle + way * step)[1] for way in (ahead, -back)]
+        second_derivatives.append((at_ends[0] - at_ends[1]) / (ahead + back) @ root)
+    B = np.array(second_derivatives)  # (k, m, j)
     B = (B + B.transpose(2, 1, 0)) / 2
     z = cs.MX.sym("z", len(middle))
     to_c = cs.DM(np.linalg.inv(root))

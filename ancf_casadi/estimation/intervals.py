@@ -40,7 +40,7 @@ from __future__ import annotations
 
 import contextlib
 import math
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Any
 
@@ -60,24 +60,31 @@ HELD_STEPS = 16
 # Difference of the ends of both intervals, relative to half of them, beyond which they follow the likelihood.  At 1,
 # test_the_interval_of_a_curved_fit_is_that_by_profile_likelihood fails.
 MOST_BEND = 0.1
-LEAST_WAY = 0.1  # part of d to a bound, below which rounding would count
+LEAST_PART = 0.1  # part of d to a bound, below which rounding would count
 HELD = 1e-9  # distance, in scales, that a held unknown may move
 
 
-def _dispersion(fit: Fit, gradient: Array, level: float) -> float:
+@dataclass(frozen=True, eq=False)
+class HeldFit:
+    """The fit of the other unknowns, with one held at a value c."""
+
+    values: Array  # of all unknowns, (n,)
+    others: Fit
+    reach: float  # d_c, the share of the first-order interval of the others that the confidence level leaves
+
+
+def _variance_towards(fit: Fit, gradient: Array, level: float) -> float:
     """Return the variance phi of a quantity with the derivatives (n,) by the coordinates."""
-    free, (steps, variances) = ~fit.active_bounds, fit.bound_moves(level)
+    free, (moves, variances) = ~fit.active_bounds, fit.bound_moves(level)
     columns = (fit.jacobian * fit.scale)[:, free]
     column = np.asarray(np.linalg.lstsq(columns.T, (gradient * fit.scale)[free])[0], dtype=np.float64)
-    half = np.nan_to_num(fit.quantile(level) * fit.errors_of(gradient[None]))
+    half_interval = np.nan_to_num(fit.quantile(level) * fit.errors_of(gradient[None]))
     with np.errstate(invalid="ignore"):  # 0 times an infinite move
-        reach = np.append(half, np.nan_to_num(gradient @ steps))
+        changes = np.append(half_interval, np.nan_to_num(gradient @ moves))
     dispersions = np.append(fit.dispersion(column), variances)
-    return (
-        float(np.average(dispersions, weights=(reach / abs(reach).max()) ** 2))
-        if reach.any()
-        else float(dispersions.max())
-    )
+    if not changes.any():
+        return float(dispersions.max())
+    return float(np.average(dispersions, weights=(changes / abs(changes).max()) ** 2))
 
 
 def profile_interval(
@@ -104,7 +111,7 @@ def profile_interval(
     least_loss, estimate, gradient = (item.full().ravel() for item in at_estimate(0))
     towards = np.zeros(len(gradient))
     towards[free] = fit.correlations[np.ix_(free, free)] @ gradient[free]
-    room = inflation * _dispersion(fit, gradient / step, level) * t**2
+    room = inflation * _variance_towards(fit, gradient / step, level) * t**2
     width = math.sqrt(towards @ gradient) or float(np.abs(gradient).max()) or 1.0
     lower, upper = (fit.lower - fit.values) / step, (fit.upper - fit.values) / step
     options: dict[str, Any] = {"ipopt.tol": 1e-8, "ipopt.bound_relax_factor": 0.0, "ipopt.max_iter": 300}
@@ -139,45 +146,47 @@ def profiles(
     The quantities are the unknowns if none are given.  Intervals that cannot be found are left out.
     """
     intervals = {}
-    for k in np.flatnonzero(_bends(fit, quantities, level) > MOST_BEND).tolist():
+    for k in np.flatnonzero(_nonlinearity(fit, quantities, level) > MOST_BEND).tolist():
         with contextlib.suppress(FitError):
             of = names[k] if quantities is None else lambda *x, k=k: quantities(*x)[k]
             intervals[names[k]] = profile_interval(fit, of, level)
     return intervals
 
 
-def _bends(fit: Fit, quantities: Quantities | None, level: float) -> Array:
+def _nonlinearity(fit: Fit, quantities: Quantities | None, level: float) -> Array:
     """Return the differences (q,) of the ends of both intervals relative to half of them; 0 where none is expected."""
     n, free = len(fit.names), ~fit.active_bounds
     function = None if quantities is None else fit.linearisation(quantities)
     values, rows = (fit.values, np.eye(n)) if function is None else (output.full() for output in function(fit.values))
-    bends, halves = np.zeros(len(rows)), np.nan_to_num(fit.quantile(level) * fit.errors_of(rows))
+    halves = np.nan_to_num(fit.quantile(level) * fit.errors_of(rows))
+    differences = np.zeros(len(rows))
     if not free.any() or not fit.noise.variance > 0.0 or any(unknown.curved for unknown in fit.unknowns):
-        return bends
+        return differences
     z = cs.MX.sym("z", n)
-    alone = cs.Function("residuals_alone", [z], [fit.model.call([z], True, False)[0]])
+    residuals_alone = cs.Function("residuals_alone", [z], [fit.model.call([z], True, False)[0]])
     basis, triangle = fit.free_basis
     least_loss, w = loss_value(fit.residuals, fit.huber), influence(fit.residuals, fit.huber)[1]
     for k in np.flatnonzero((np.abs(rows[:, free] * fit.errors[free]) > ROUNDING * fit.scale[free]).any(axis=1)):
         u: Array = np.linalg.solve(triangle.T, (rows[k] * fit.scale)[free])
-        step, u = np.zeros(n), u / np.linalg.norm(u)
-        step[free] = fit.scale[free] * np.linalg.solve(triangle, u)
-        step *= halves[k] / float(rows[k] @ step)
-        room = fit.dispersion(np.asarray(basis @ u)) * fit.quantile(level) ** 2
+        d, u = np.zeros(n), u / np.linalg.norm(u)
+        d[free] = fit.scale[free] * np.linalg.solve(triangle, u)
+        d *= halves[k] / float(rows[k] @ d)
+        most_rise = fit.dispersion(np.asarray(basis @ u)) * fit.quantile(level) ** 2
         for side in (-1.0, 1.0):
-            to_bound = np.where(side * step > 0.0, fit.upper - fit.values, fit.values - fit.lower)[step != 0.0]
-            way = min(1.0, float(np.min(to_bound / np.abs(step[step != 0.0]))))
-            if way < LEAST_WAY:
+            to_bound = np.where(side * d > 0.0, fit.upper - fit.values, fit.values - fit.lower)[d != 0.0]
+            part = min(1.0, float(np.min(to_bound / np.abs(d[d != 0.0]))))
+            if part < LEAST_PART:
                 continue
-            y = fit.values + side * way * step
-            (r,) = evaluate_dense(alone, y / fit.scale)
-            scores = basis.T @ influence(r.ravel(), fit.huber)[0]
-            rise = 2 * (loss_value(r.ravel(), fit.huber) - least_loss) - (scores @ scores - (u @ scores) ** 2) / w
-            ends = y if function is None else function(y)[0].full().ravel()
-            reach = abs(float(ends[k] - values.ravel()[k])) / (way * halves[k])
-            bend = abs(reach * way * math.sqrt(room / rise) - 1) if rise > 0.0 else math.inf
-            bends[k] = max(bends[k], bend)
-    return bends
+            y = fit.values + side * part * d
+            residuals = evaluate_dense(residuals_alone, y / fit.scale)[0].ravel()
+            scores = basis.T @ influence(residuals, fit.huber)[0]
+            explained = (scores @ scores - (u @ scores) ** 2) / w
+            rise = 2 * (loss_value(residuals, fit.huber) - least_loss) - explained
+            quantity = (y if function is None else function(y)[0].full().ravel())[k]
+            change = abs(float(quantity - values.ravel()[k])) / halves[k]
+            difference = abs(change * math.sqrt(most_rise / rise) - 1) if rise > 0.0 else math.inf
+            differences[k] = max(differences[k], difference)
+    return differences
 
 
 def derived_intervals(fit: Fit, quantities: Quantities, level: float = CONFIDENCE_LEVEL) -> Array:
@@ -189,40 +198,37 @@ def derived_intervals(fit: Fit, quantities: Quantities, level: float = CONFIDENC
     if not curved or not fit.noise.variance > 0.0:
         return ends
     ends_by_value = []
-    for values, others, share in held_fits(fit, curved[0], level):
-        middle, jacobian = (item.full() for item in linearisation(values))
-        first_order = others.first_order_ends(middle.ravel(), np.delete(jacobian, curved[0], axis=1), level)
-        ends_by_value.append(middle + share * np.nan_to_num(first_order - middle))
+    for held in held_fits(fit, curved[0], level):
+        middle, jacobian = (item.full() for item in linearisation(held.values))
+        first_order = held.others.first_order_ends(middle.ravel(), np.delete(jacobian, curved[0], axis=1), level)
+        ends_by_value.append(middle + held.reach * np.nan_to_num(first_order - middle))
     low, high = np.array(ends_by_value).transpose(2, 0, 1)
     return np.where(np.isnan(ends), ends, np.array([low.min(axis=0), high.max(axis=0)]).T)
 
 
 @lru_cache(maxsize=2)
-def held_fits(fit: Fit, k: int, level: float) -> tuple[tuple[Array, Fit, float], ...]:
-    """Return all unknowns (n,), the fit of the others, and d_c, where the unknown k is held.
-
-    It is held as far from its estimate as the confidence level allows.
-    """
+def held_fits(fit: Fit, k: int, level: float) -> tuple[HeldFit, ...]:
+    """Return the fits with the unknown k held, from its estimate outwards as far as the confidence level allows."""
     free_others = np.flatnonzero(~fit.active_bounds & (np.arange(len(fit.names)) != k))
     scaled = fit.jacobian[:, free_others] * fit.scale[free_others]
-    alone = fit.jacobian[:, k] - scaled @ np.linalg.lstsq(scaled, fit.jacobian[:, k])[0]
-    room, least_loss = fit.dispersion(alone) * fit.quantile(level) ** 2, loss_value(fit.residuals, fit.huber)
+    effect_of_k = fit.jacobian[:, k] - scaled @ np.linalg.lstsq(scaled, fit.jacobian[:, k])[0]
+    most_rise, least_loss = fit.dispersion(effect_of_k) * fit.quantile(level) ** 2, loss_value(fit.residuals, fit.huber)
     step = float(np.ptp(fit.intervals(level)[k])) / HELD_STEPS
-    of_others = _fit_without(fit, k, fit.values, fit.residuals, fit.jacobian, fit.active_bounds)
-    fits = [(fit.values, of_others, 1.0)]
+    others = _fit_without(fit, k, fit.values, fit.residuals, fit.jacobian, fit.active_bounds)
+    held_fits = [HeldFit(fit.values, others, 1.0)]
     for sign, bound in ((-1.0, fit.lower[k]), (1.0, fit.upper[k])):
-        x, before = fit.values, 0.0
-        while before < 1.0 and x[k] != bound:
-            at = float(np.clip(x[k] + sign * step, fit.lower[k], fit.upper[k]))
-            new, of_others = _fit_held(fit, k, at, x)
-            lag = max(2 * (loss_value(of_others.residuals, fit.huber) - least_loss) / room, 0.0)
-            if lag < 1.0:
-                fits.append((new, of_others, math.sqrt(1 - lag)))
+        last_values, last_rise = fit.values, 0.0  # the rise of 2 L is relative to the most that the level allows
+        while last_rise < 1.0 and last_values[k] != bound:
+            c = float(np.clip(last_values[k] + sign * step, fit.lower[k], fit.upper[k]))
+            values, others = _fit_held(fit, k, c, last_values)
+            rise = max(2 * (loss_value(others.residuals, fit.huber) - least_loss) / most_rise, 0.0)
+            if rise < 1.0:
+                held_fits.append(HeldFit(values, others, math.sqrt(1 - rise)))
             else:
-                way = (1 - math.sqrt(before)) / (math.sqrt(lag) - math.sqrt(before))
-                fits.append((x + way * (new - x), of_others, 0.0))
-            x, before = new, lag
-    return tuple(fits)
+                part = (1 - math.sqrt(last_rise)) / (math.sqrt(rise) - math.sqrt(last_rise))
+                held_fits.append(HeldFit(last_values + part * (values - last_values), others, 0.0))
+            last_values, last_rise = values, rise
+    return tuple(held_fits)
 
 
 def _fit_held(fit: Fit, k: int, at: float, start_values: Array) -> tuple[Array, Fit]:

@@ -189,22 +189,22 @@ class Design:
     def _exchange(self, counts: Array, budget: float, goal: Array | None, limit: Array) -> Array:
         """Exchange one or two records of a list for one or two others, as long as this improves the list."""
         singles, (i, j) = np.eye(len(counts)), np.triu_indices(len(counts))
-        changes = np.vstack([singles, singles[i] + singles[j]])
-        gained = np.tensordot(changes, self.informations, 1)
-        best = float(self.loss(self.total(counts), goal))
+        exchangeable = np.vstack([singles, singles[i] + singles[j]])  # numbers of one or two records, (b, c)
+        informations = np.tensordot(exchangeable, self.informations, 1)
+        least_loss = float(self.loss(self.total(counts), goal))
         while True:
-            better: Array | None = None
-            for removed in changes[(changes <= counts).all(axis=1)]:
+            improved: Array | None = None
+            for removed in exchangeable[(exchangeable <= counts).all(axis=1)]:
                 kept_counts = counts - removed
-                affordable = (kept_counts + changes) @ self.costs <= budget * (1 + PROGRESS)
-                possible = np.flatnonzero(affordable & (kept_counts + changes <= limit).all(axis=1))
-                losses = self.loss(self.total(kept_counts) + gained[possible], goal)
-                if losses.min(initial=math.inf) < best - PROGRESS * abs(best):
-                    best, better = float(losses.min()), kept_counts + changes[possible[np.argmin(losses)]]
-            if better is None:
+                affordable = (kept_counts + exchangeable) @ self.costs <= budget * (1 + PROGRESS)
+                possible = np.flatnonzero(affordable & (kept_counts + exchangeable <= limit).all(axis=1))
+                losses = self.loss(self.total(kept_counts) + informations[possible], goal)
+                if losses.min(initial=math.inf) < least_loss - PROGRESS * abs(least_loss):
+                    least_loss, improved = float(losses.min()), kept_counts + exchangeable[possible[np.argmin(losses)]]
+            if improved is None:
                 return counts
-            counts = self._fill(better, budget, goal, limit)
-            best = float(self.loss(self.total(counts), goal))
+            counts = self._fill(improved, budget, goal, limit)
+            least_loss = float(self.loss(self.total(counts), goal))
 
 
 def best_subset(count: int, size: int, loss: Callable[[tuple[int, ...]], float]) -> tuple[int, ...]:

@@ -414,7 +414,10 @@ def sums_of_laws(beam: DampedBeam, terms: Sequence[Sequence[int]]) -> tuple[Damp
 def channel_groups(
     table: Any, where: str, kinds: Sequence[Any], channel_kinds: Sequence[Any]
 ) -> tuple[Any, list[tuple[Any, str]]]:
-    """Return a table as an object of each kind, and its channels with their places; a key beside them holds for all."""
+    """Return the table of a record as an object per kind, and each channel likewise, with its place in the file.
+
+    A key of a channel that stands in the table itself holds for all channels.
+    """
     keys = {key for kind in channel_kinds for key in table_keys(kind)}
     objects = convert_groups(table, where, *kinds, shared=keys)
     shared = {key: table[key] for key in keys & table.keys()}

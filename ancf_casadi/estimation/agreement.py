@@ -39,11 +39,20 @@ degrees of freedom.  If g is too large, q' R q becomes q' R q + (1 - 1/g) v v', 
 own direction: the scatter of two estimates about their weighted mean.  The residuals then count as fewer independent
 ones, so that a law which does not hold is not chosen for the little that it explains beyond a simpler one.
 
+Few residuals do not show how their variance changes along a record.  ``allowing_for_unequal_variances`` then takes as
+q' R q the least matrix that is nowhere below it nor below the estimate without any assumption on the variances,
+
+    sum_i psi_i^2/(1 - h_i) q_i q_i',   h_i = q_i' q_i,
+
+with the row q_i of residual i (HC2).
+
 References
 ----------
 G. C. Chow, Tests of equality between sets of coefficients in two linear regressions, Econometrica 28 (1960).
 R. C. Paule, J. Mandel, Consensus values and weighting factors, Journal of Research of the National Bureau of Standards
 87 (1982).
+J. G. MacKinnon, H. White, Some heteroskedasticity-consistent covariance matrix estimators with improved finite sample
+properties, Journal of Econometrics 29 (1985).
 G. Knapp, J. Hartung, Improved tests for a random effects meta-regression with a single covariate, Statistics in
 Medicine 22 (2003).
 """
@@ -269,6 +278,16 @@ def allowing_for_errors(fit: Fit, errors: Array) -> Fit:
         return fit
     projections = fit.free_basis[0].T @ (row_weights(fit.residuals, fit.huber)[:, None] ** 2 * errors)
     return _with_transient(fit, projections @ projections.T)
+
+
+def allowing_for_unequal_variances(fit: Fit) -> Fit:
+    """Return a fit whose covariance is in no direction below that for residuals of unknown, unequal variances (HC2)."""
+    if not fit.rank or not fit.noise.variance > 0.0:
+        return fit
+    (basis, _), (psi, _) = fit.free_basis, influence(fit.residuals, fit.huber)
+    rows = (psi / np.sqrt(1.0 - np.sum(basis**2, axis=1)))[:, None] * basis
+    excess, axes = np.linalg.eigh(rows.T @ rows - fit.noise.form(basis))
+    return _with_transient(fit, axes @ (np.maximum(excess, 0.0)[:, None] * axes.T))
 
 
 def _with_transient(fit: Fit, transient: Array) -> Fit:

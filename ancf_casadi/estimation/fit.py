@@ -429,7 +429,8 @@ class Fit:
             return "white noise" + self._statement()
         ratio = self.errors / self.white_errors
         ends = dict.fromkeys(f"{end:.2g}" for end in (np.nanmin(ratio), np.nanmax(ratio)))
-        return f"coloured noise: standard errors {' to '.join(ends)} times those for white noise" + self._statement()
+        kind = "coloured noise" if self.noise.coloured else "noise that varies along the record"
+        return f"{kind}: standard errors {' to '.join(ends)} times those for white noise" + self._statement()
 
     def _statement(self) -> str:
         """Return how the residuals agree with stated standard deviations as text; empty without these."""

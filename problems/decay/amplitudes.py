@@ -11,7 +11,8 @@ With it, they are the damping ratio and coefficients of ``DecayFit``; the freque
 Noise.  Each amplitude has the variance s^2 + (r A)^2, with the fitted A: additive noise s, as of an instrument, and
 multiplicative noise r, as of readings on a logarithmic scale.  Both follow from the residuals
 (``ancf_casadi.estimation.noise.proportional``); the additive one is taken as zero unless the criterion BIC of the
-likelihood needs it, since a few amplitudes determine two badly.  The report states which was assumed.
+likelihood needs it, since a few amplitudes determine two badly.  The report states which was assumed.  Since the choice
+is uncertain, the standard errors are at least those for variances of any kind (``ancf_casadi.estimation.agreement``).
 """
 
 from __future__ import annotations
@@ -27,8 +28,9 @@ import casadi as cs
 import numpy as np
 
 from ancf_casadi.decay.first_guess import DecayGuess
+from ancf_casadi.estimation.agreement import allowing_for_unequal_variances
 from ancf_casadi.estimation.block import Account, Block, Computed, Fitted
-from ancf_casadi.estimation.fit import Quantities
+from ancf_casadi.estimation.fit import Fit, Quantities
 from ancf_casadi.estimation.intervals import derived_intervals
 from ancf_casadi.estimation.noise.proportional import proportional_variance
 from ancf_casadi.estimation.prediction import TIME_AXIS, PredictedChannel, RecordPrediction
@@ -115,6 +117,10 @@ class AmplitudeBlock(Block):
         noise = min(criteria, key=criteria.__getitem__)
         better = replace(self, deviations=np.sqrt(variances[noise]), noise=noise, before=self)
         return None if self.has_similar_weights(better, self.settled) else better
+
+    def allowing(self, fitted: Fitted) -> Fit:
+        """Return the fit with a covariance that allows for noise of another kind than the assumed one."""
+        return allowing_for_unequal_variances(fitted.fit)
 
     def account(self, fitted: Fitted) -> Account:
         """Return the noise at the first and at the last amplitude."""

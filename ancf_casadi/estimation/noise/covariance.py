@@ -56,6 +56,11 @@ class Noise:
         """True if the noise is white as far as the residuals show."""
         return not self.spectra and self.transient is None and all(noise.white for _, noise in self.subsets)
 
+    @property
+    def coloured(self) -> bool:
+        """True if neighbouring residuals are correlated."""
+        return bool(self.spectra) or any(noise.coloured for _, noise in self.subsets)
+
     def form(self, columns: Array) -> Array:
         """Return X' R X (n, n) for columns X (m, n)."""
         if self.subsets:

@@ -91,14 +91,13 @@ def test_intervals_cover_under_both_kinds_of_noise(law, noise):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("every", [3, 5])
 @pytest.mark.parametrize("law", ["linear", "quadratic"])
-def test_intervals_of_few_amplitudes_cover(law, every):
-    """14 and 8 amplitudes do not show how their noise depends on the amplitude; without the allowance, 0.927 cover."""
+def test_intervals_of_few_amplitudes_cover(law):
+    """8 amplitudes do not show how their noise depends on the amplitude; without the allowance, 0.927 cover."""
     truth, hits = {"amplitude": 0.03, **COEFFICIENTS[law]}, []
     for noise in NOISE:
         for seed in range(200):
-            intervals = fit(noisy(law, noise, seed, every), law).intervals()
+            intervals = fit(noisy(law, noise, seed, every=5), law).intervals()
             hits += [low <= value <= high for value, (low, high) in ((truth[n], intervals[n]) for n in truth)]
     assert 0.93 < np.mean(hits) < 0.97
 

@@ -54,6 +54,7 @@ import scipy.linalg
 
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.attachments import RotationalSpring, Spring
+from ancf_casadi.mechanics.mesh_limits import bend_advice, largest_bend
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.mechanics.strain import gauss
 from ancf_casadi.mechanics.supports import Clamp
@@ -110,8 +111,9 @@ def nodal_slopes(modes: Modes) -> Slopes:
     # axial strain per unit rotation; a mode with more is not a bending mode
     axial = np.abs(strains).max(axis=0) > 0.1 * np.abs(rotations).max(axis=0)
     if axial.any():
+        advice = bend_advice(model, largest_bend(model, modes.equilibrium.coordinates)) or "keep fewer modes"
         raise InputError(
-            f"mode {axial.argmax() + 1} stretches the beam, and the reduced model only bends; keep fewer modes", "modes"
+            f"mode {axial.argmax() + 1} stretches the beam, and the reduced model only bends; {advice}", "modes"
         )
     root = model.root  # 1 if the base has its own slope, which turns with phi alone
     angles = np.concatenate([[np.arctan2(*beam.axis[::-1])] * root, np.arctan2(y, x)])

@@ -324,13 +324,18 @@ def test_markers_and_states_agree_with_the_full_beam(hanging):
     np.testing.assert_allclose(run.energy.sum(axis=1), run.energy[0].sum(), rtol=1e-7)
 
 
-def test_unusable_input_is_refused(hanging, rubber_beam, modes):
+def test_unusable_input_is_refused(hanging, paper_beam, rubber_beam, modes):
     with pytest.warns(UserWarning, match="objective"):
         law = RayleighDamping(beta=1e-5, stiffness="reference")
     with pytest.raises(InputError, match=r"damping: .*strain-rate"):
         reduce_model(hanging, damping=law)
     with pytest.raises(InputError, match="modes: mode 5 stretches"):
         reduce_model(Model(rubber_beam(elements=4)), modes=6)
+    with (
+        pytest.warns(UserWarning, match="an element bends"),
+        pytest.raises(InputError, match=r"^modes: mode 1 stretches .* elements or more$"),
+    ):
+        reduce_model(Model(paper_beam(4, thickness=1e-4, axis=(1.0, 0.0))), modes=1)
     for count in (0, 100, 2.5):
         with pytest.raises(InputError, match=r"^modes: must be a whole number, 1 to 80, got"):
             reduce_model(hanging, modes=count)

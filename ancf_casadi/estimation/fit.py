@@ -58,6 +58,7 @@ Quantities = Callable[..., cs.MX]  # unknowns as MX scalars, in their order -> M
 
 CONFIDENCE_LEVEL = 0.95
 CORRELATED = 0.95  # correlation of two unknowns beyond which there is a warning
+POOR = 0.05  # relative standard error of one of them for it (test_unknowns_hardly_told_apart_are_named)
 ROUNDING = 1e-10  # standard error relative to the scale of an unknown that only a record without noise leaves
 
 
@@ -354,8 +355,8 @@ class Fit:
         ]
         with np.errstate(invalid="ignore"):
             strong = np.triu(np.abs(self.correlations), 1) > CORRELATED
-        exact = np.sqrt(np.diag(self.covariance)) < ROUNDING * self.scale  # where the residuals are rounding alone
-        pairs = np.argwhere(strong & ~np.logical_and.outer(exact, exact)).tolist()
+            poor = self.errors > np.maximum(POOR * np.abs(self.values), ROUNDING * self.scale)
+        pairs = np.argwhere(strong & np.logical_or.outer(poor, poor)).tolist()
         if pairs:
             named = [f"{names[i]} and {names[j]} ({self.correlations[i, j]:.3f})" for i, j in pairs]
             notes.append(

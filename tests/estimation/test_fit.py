@@ -249,10 +249,14 @@ def test_rank_condition_and_correlations_are_those_of_the_jacobian():
     assert straight(lower=-0.5).rank == 1
 
 
-def test_unknowns_hardly_told_apart_are_named():
-    far = least_squares(lambda a, b: line(a - 100 * b, b), [Unknown("a", 0.0), Unknown("b", 0.0)])
-    assert any("a and b (1.000) are strongly correlated" in note for note in far.warnings)
-    assert straight().warnings == ()
+@pytest.mark.parametrize(("noise", "named"), [(0.0, False), (0.3, False), (1.0, True)])  # errors of 0, 2.6, 8.8 %
+def test_unknowns_hardly_told_apart_are_named(noise, named):
+    exact, x = -1 + 2 * X, cs.DM(X)
+    far = least_squares(
+        lambda a, b: a + b * (x - 100) - cs.DM(exact + noise * NOISE), [Unknown("a", 0.0), Unknown("b", 0.0)]
+    )
+    assert abs(far.correlations[0, 1]) > 0.999
+    assert any("a and b (1.000) are strongly correlated" in note for note in far.warnings) == named
 
 
 def test_the_result_reads_as_text_and_as_json():

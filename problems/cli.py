@@ -124,7 +124,7 @@ def _add_options(parser: argparse.ArgumentParser, command: str) -> None:
 
 
 def _parser(words: Collection[str] = COMMANDS) -> argparse.ArgumentParser:
-    """Return the parser, with the options of those subcommands that are among the words: their modules are slow."""
+    """Return the parser; only subcommands among the words get their options, whose modules import slowly."""
     parser = _Parser(
         prog="ancf-casadi",
         allow_abbrev=False,

@@ -348,10 +348,9 @@ def _project(
 def _pool_variances(power: Array, rank: Index) -> Array:
     """Return the variance of the noise in each piece: that of all typical ones, or its own if it has clearly more."""
     determined = rank > 0
-    variances = power[determined] / scipy.special.chdtri(rank[determined], 0.5)
+    variances = power[determined] / scipy.special.chdtri(rank[determined], 0.5)  # the median of chi-squared
     typical_variance = np.median(np.repeat(variances, rank[determined]))
     p_values = scipy.special.chdtrc(np.maximum(rank, 1), power / max(typical_variance, np.finfo(float).tiny))
     is_noisier = determined & (p_values < NOISE_P_VALUE)
     is_typical = determined & ~is_noisier
-    common_variance = power[is_typical].sum() / rank[is_typical].sum() if is_typical.any() else typical_variance
-    return np.where(is_noisier, power / np.maximum(rank, 1), common_variance)
+    return np.where(is_noisier, power / np.maximum(rank, 1), power[is_typical].sum() / rank[is_typical].sum())

@@ -258,14 +258,14 @@ def _check_oscillation(t: Array, y: Array, best: _Candidate) -> None:
 def _notes(
     record: Measurement, release: Release, t: Array, best: _Candidate, rivals: Sequence[_Candidate]
 ) -> list[str]:
-    """Return limitations of a record with an oscillation at times t (s) after its release, and others that may fit."""
+    """Return notes on another mode than the driven one, rival frequencies, and aliasing; t (s) from the release."""
     notes, frequency, driven = list[str](), best.ω_d / (2 * math.pi), release.frequency
     if abs(driven / frequency - 1) >= SAME_MODE_DISTANCE and grows_slowly(record.time, record.values, driven):
         notes.append(
             f"the excitation had {driven:.3g} Hz, and the decay has {frequency:.3g} Hz: another mode than the driven "
             "one is the largest; let the excitation grow slowly (ramp), measure at another point, or fit several modes"
         )
-    motion = float(np.sum(record.values[-len(t) :] ** 2))
+    motion = float(np.var(record.values[-len(t) :])) * len(t)
     alternatives = [
         f"{candidate.ω_d / (2 * math.pi):.4g}"
         for candidate in rivals
@@ -277,11 +277,11 @@ def _notes(
             f"the gaps in the record leave the frequency ambiguous: {' or '.join(alternatives)} Hz would fit as well "
             f"as {frequency:.4g} Hz; record without gaps"
         )
-    samples = 1 / (frequency * float(np.median(np.diff(t))))
-    if samples < FEW_SAMPLES:
+    samples_per_period = 1 / (frequency * float(np.median(np.diff(t))))
+    if samples_per_period < FEW_SAMPLES:
         notes.append(
-            f"the record has {samples:.2g} samples per period: a frequency above half the sampling rate would look "
-            "the same (alias); sample faster"
+            f"the record has {samples_per_period:.2g} samples per period: a frequency above half the sampling rate "
+            "would look the same (alias); sample faster"
         )
     return notes
 

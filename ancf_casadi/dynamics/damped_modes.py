@@ -200,7 +200,7 @@ def damped_modes(
 def _relaxing_modes(
     equilibrium: Equilibrium, law: DampingLaw, eigenvalues: ComplexArray, shapes: ComplexArray
 ) -> tuple[ComplexArray, ComplexArray]:
-    """Return the modes under a law that relaxes, starting from those without its branches."""
+    """Return the modes under a law that relaxes, from those without its branches, in place; rigid modes stay."""
     if not equilibrium.stable:
         raise InputError(
             "is unstable: under a law that relaxes, the beam creeps away from it without oscillating", "equilibrium"
@@ -209,9 +209,9 @@ def _relaxing_modes(
     _, *matrices = damping_at_rest(model, law)(equilibrium.coordinates)
     D, d, V = (matrix.sparse() for matrix in matrices)
     B, M = model.of_free(law.projection(model)), sparse(mass)
-    low_rank = B * d.toarray().ravel()
+    low_rank = B * d.toarray().ravel()  # the damping is D + B diag(d) B'
     damping, material_stiffness = banded(D, stiffness), banded(V, stiffness)
-    storage = np.zeros((3 * BANDWIDTH + 1, len(shapes)), dtype=complex, order="F")
+    storage = np.zeros((3 * BANDWIDTH + 1, len(shapes)), dtype=complex, order="F")  # first rows: fill-in of the factors
     for k in np.flatnonzero(eigenvalues):
         s, x = complex(eigenvalues[k]), shapes[:, k]
         normal = x.conj()
@@ -229,7 +229,7 @@ def _relaxing_modes(
                     break
             else:
                 raise EquilibriumError(
-                    f"the iteration for mode {k + 1} does not converge; smaller ratios of the branches may help"
+                    f"the iteration for mode {k + 1} does not converge; branches with smaller moduli may help"
                 )
         eigenvalues[k], shapes[:, k] = s, x / np.linalg.norm(x)
     return eigenvalues, shapes

@@ -70,7 +70,7 @@ class Slopes:
 
     @cached_property
     def of_nodes(self) -> scipy.sparse.csr_array:
-        """The matrix (s, nodes) of the slopes from positions and slopes of the nodes."""
+        """The matrix (s, 2 nodes) of the slopes from r_0, r'_0, r_1, r'_1, ... of the nodes."""
         model, lengths = self.model, self.model.beam.element_lengths
         shapes: Any = [hermite_slope(xi, cast(Any, lengths)) for xi in gauss(2)[0]]
         values = np.array([np.broadcast_arrays(*of_point) for of_point in shapes])  # (2, 4, n)

@@ -154,7 +154,10 @@ def profiles(
 
 
 def _nonlinearity(fit: Fit, quantities: Quantities | None, level: float) -> Array:
-    """Return the differences (q,) of the ends of both intervals relative to half of them; 0 where none is expected."""
+    """Return by how much the ends of first-order and profile intervals differ, in halves of these (q,).
+
+    It is 0 where a quantity has no error, and everywhere if an unknown is curved, since that is then held.
+    """
     n, free = len(fit.names), ~fit.active_bounds
     function = None if quantities is None else fit.linearisation(quantities)
     values, rows = (fit.values, np.eye(n)) if function is None else (output.full() for output in function(fit.values))
@@ -166,7 +169,8 @@ def _nonlinearity(fit: Fit, quantities: Quantities | None, level: float) -> Arra
     residuals_alone = cs.Function("residuals_alone", [z], [fit.model.call([z], True, False)[0]])
     basis, triangle = fit.free_basis
     least_loss, w = loss_value(fit.residuals, fit.huber), influence(fit.residuals, fit.huber)[1]
-    for k in np.flatnonzero((np.abs(rows[:, free] * fit.errors[free]) > ROUNDING * fit.scale[free]).any(axis=1)):
+    moved = (np.abs(rows[:, free] * fit.errors[free]) > ROUNDING * fit.scale[free]).any(axis=1)
+    for k in np.flatnonzero(moved & (halves > 0.0)):
         u: Array = np.linalg.solve(triangle.T, (rows[k] * fit.scale)[free])
         d, u = np.zeros(n), u / np.linalg.norm(u)
         d[free] = fit.scale[free] * np.linalg.solve(triangle, u)

@@ -18,9 +18,8 @@ through these values.  Of the axial strain, only the mean over an element is acc
 through the means of two elements is used.
 
 Another model has other values of its properties, as fits and matches find them.  A name stands for one lumped property,
-as in ``Beam.lumped``, and ``spring_stiffness`` for all springs together.  Supports hold the beam where they are,
-whatever its natural curvature becomes.  A beam of other curvature is elsewhere without load, which is what supports
-refer to, so their displacements and rotations change.
+as in ``Beam.lumped``, and ``spring_stiffness`` for all springs together.  The displacements and rotations of supports
+refer to the beam without load: if its natural curvature changes, they change too, and the supports stay in place.
 """
 
 from __future__ import annotations
@@ -340,7 +339,7 @@ def lumped_value(beam: Beam, name: str) -> float:
 
 
 def model_with_properties(model: Model, properties: Array) -> Model:
-    """Return the model with other properties, P row by row, then the lumped ones."""
+    """Return the model with other properties (4 n + lumped,): P row by row, then the lumped ones."""
     rows: Any = properties[: model.properties.size].reshape(model.properties.shape).tolist()
     values = zip(model.lumped, properties[model.properties.size :].tolist(), strict=True)
     lumped = {name: number(value, name) for name, value in values}

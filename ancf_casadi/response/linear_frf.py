@@ -131,18 +131,21 @@ class LinearFrf(Reported):
 
     @cached_property
     def warnings(self) -> tuple[str, ...]:
-        """Limitations of small motion."""
-        count, length, point = self.modes.count, self.modes.model.beam.length, self.modes.reference_points[0]
+        """A warning if the damping of a mode at ``TRIAL_AMPLITUDE`` differs from that at rest by more than 1 %."""
+        count, length = self.modes.count, self.modes.model.beam.length
         rest_ratios, moving_ratios = (
             self.damping.damping_ratios(self.modes, np.full(count, a)) for a in (0.0, TRIAL_AMPLITUDE * length)
         )
-        if np.allclose(moving_ratios, rest_ratios, rtol=0.01, atol=0.0):
+        changed = np.flatnonzero(~np.isclose(moving_ratios, rest_ratios, rtol=0.01, atol=0.0))
+        if not changed.size:
             return ()
+        k = int(changed[0])
+        point = self.modes.reference_points[k]
         location = "of the tip" if point == length else f"at {point:.4g} m"
         return (
             "the damping depends on the amplitude, and these functions hold for very small motion only: at an "
-            f"amplitude of {1e3 * TRIAL_AMPLITUDE * length:.2g} mm {location}, the damping ratio of mode 1 is "
-            f"{moving_ratios[0]:.3g}, not {rest_ratios[0]:.3g}",
+            f"amplitude of {1e3 * TRIAL_AMPLITUDE * length:.2g} mm {location}, the damping ratio of mode {k + 1} is "
+            f"{moving_ratios[k]:.3g}, not {rest_ratios[k]:.3g}",
         )
 
     def labels(self) -> list[list[str]]:

@@ -180,7 +180,7 @@ def _follow_path(loading: ProportionalLoading, side: int) -> Position:
     steps, unstable_modes = follow_path(point, tangent, longest_step(tangent)), 0
     for _ in range(MAX_PATH_STEPS):
         path_step = next(steps, None)
-        if path_step is None or path_step.end.negative > 1:
+        if path_step is None or path_step.end.negative > 1:  # negative eigenvalues of the tangent stiffness
             break
         if path_step.critical is not None and path_step.kind == "bifurcation" and not unstable_modes:
             steps, unstable_modes = _follow_branch(path_step.critical, side), 1

@@ -275,17 +275,18 @@ class BeamFit(BlocksResult):
         return certainty(self.fit, tuple(self.first)) if len(self.first) > 1 else []
 
     def start(self, record: int = 0) -> State:
-        """Return the estimated state at the start of a motion.
+        """Return the estimated state at the start of a motion, ``record`` from 0 among those of the fit.
 
         Raises
         ------
         InputError
-            If no load was estimated.
+            If no load of this record was estimated.
         """
         blocks = [block for block in self.solution.problem.blocks if isinstance(block, MotionBlock) and block.load]
-        if not blocks:
+        motions = [(block, motion) for block in blocks for number, motion in block.numbered if number == record + 1]
+        if not motions:
             raise InputError("was not estimated; name components, as start_force_x, among the unknowns", "start")
-        block, motion = next((b, r) for b in blocks for number, r in b.numbered if number == record + 1)
+        ((block, motion),) = motions
         estimates = self.estimates
         load = [estimates.get(load_name(name, record + 1), value) for name, value in loads(motion)]
         model = self.configured(block.model)

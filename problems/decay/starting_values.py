@@ -94,11 +94,11 @@ def _track(decay: FreeDecay, unit: float = 1.0) -> Track:
 def _fit_phase(track: Track, model: DecayModel) -> tuple[float, tuple[float, ...], list[float]]:
     """Fit a frequency law to the phase; return the misfit, the nonlinear unknown, and phase, omega and change."""
     A, fits = track.amplitude, []
-    for shape in FREQUENCY_STARTS.get(model.frequency_law, ((),)):
-        changes = model.unit_changes(A, *shape)
+    for nonlinear in FREQUENCY_STARTS.get(model.frequency_law, ((),)):
+        changes = model.unit_changes(A, *nonlinear)
         columns = [np.ones(len(A)), track.time, *(cumulative_integral(track.time, change) for change in changes)]
         coefficients, misfit = weighted_least_squares(columns, track.phase, A)
-        fits.append((misfit, shape, coefficients))
+        fits.append((misfit, nonlinear, coefficients))
     return min(fits)
 
 
@@ -107,9 +107,9 @@ def _fit_frequency(track: Track, model: DecayModel) -> tuple[float, dict[str, fl
     A = track.amplitude
     constant_misfit, _, (φ, ω) = _fit_phase(track, replace(model, frequency_law="constant"))
     if model.frequency_varies:
-        misfit, shape, (φ_0, ω_0, *changes) = _fit_phase(track, model)
+        misfit, nonlinear, (φ_0, ω_0, *changes) = _fit_phase(track, model)
         if larger_model_is_evident(constant_misfit, misfit, len(A), len(model.frequency_terms), float(A @ A)):
-            values = (*(change / ω_0 for change in changes), *shape)
+            values = (*(change / ω_0 for change in changes), *nonlinear)
             return ω_0, dict(zip(model.frequency_terms, values, strict=True)), φ_0
     return ω, {}, φ
 

@@ -138,9 +138,11 @@ class Form:
         adding.props("dense").classes("w-full").mark(f"add-{_mark(place)}")
 
     def _build_field(self, place: Place, field: types.Field, kinds: list[types.Type]) -> None:
-        def choose() -> None:
+        """Build the field of a key; its first kind decides how it is shown."""
+
+        def store() -> None:
             self._unread.discard(place)
-            widget.error, value = None, widget.value
+            widget.error, value = None, None if widget.value == "" else widget.value
             if not isinstance(kinds[0], types.StrType | types.LiteralType | types.BoolType):
                 try:
                     value = parse_value(value or "")
@@ -152,9 +154,9 @@ class Form:
                 self._set(place, value)
 
         label, choices = field.encode_name.replace("_", " "), _choices(kinds)
-        widget: Any = ui.select(choices, label=label, on_change=choose, clearable=True) if choices else ui.input(label)
+        widget: Any = ui.select(choices, label=label, on_change=store, clearable=True) if choices else ui.input(label)
         widget.value = self._shown(place, widget)
-        widget.on("change", choose)
+        widget.on("change", store)
         widget.props["hint"] = _hint(field, kinds[0])
         self._fields[place] = widget.props("dense hide-bottom-space").classes("w-full").mark(_mark(place))
 

@@ -94,6 +94,7 @@ def _draw_candidates(axes: Axes, plans: Mapping[str, Plan], names: Sequence[str]
 def _draw_lines(
     axes: Axes, plan: Plan, x: np.ndarray, errors: Mapping[str, np.ndarray], *, marked: bool = False
 ) -> None:
+    """Draw the error of each unknown against x, in per cent of its guess unless that is zero."""
     for k, values in enumerate(plan.relative(errors).values()):
         colour, dash, marker = SERIES[k % len(SERIES)]
         values = np.where(np.isfinite(values), values, np.nan)

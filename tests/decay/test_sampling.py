@@ -122,6 +122,14 @@ def test_two_short_pieces_far_apart_leave_the_frequency_ambiguous():
     assert first_guess(Measurement(time, y)).ω == pytest.approx(2 * math.pi * 5.0, rel=1e-3)
 
 
+def test_a_rest_position_far_from_zero_leaves_no_frequency_ambiguous():
+    time = np.concatenate([start + np.arange(0.0, 1.5, 0.01) for start in (0.0, 12.0, 24.0)])
+    noise = np.random.default_rng(0).standard_normal(len(time))
+    y = np.exp(-0.05 * time) * np.cos(2 * math.pi * 2.0 * time) + 0.003 * noise
+    for rest in (0.0, 1000.0):
+        assert not first_guess(Measurement(time, rest + y)).notes
+
+
 def test_a_record_of_gaps_is_refused_for_this_reason():
     time = np.concatenate([np.arange(20) * 1e-3, 1e4 + np.arange(20) * 1e-3])
     with pytest.raises(InputError, match=r"record: .*gaps for 100%"):

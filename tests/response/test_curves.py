@@ -235,6 +235,9 @@ def test_a_system_checks_its_expressions():
         SecondOrderSystem.of(q, v, a, u, conservative=cs.vertcat(a, q))
     with pytest.raises(InputError, match="parameters"):
         SecondOrderSystem.of(q, v, a, u, mu, conservative=a + mu * q)
+    with pytest.raises(InputError, match=r"^conservative: .*linear"):
+        SecondOrderSystem.of(q, v, a, u, conservative=a**2 + q)
+    SecondOrderSystem.of(q, v, a, u, conservative=(1 + q**2) * a + q)
 
 
 @pytest.mark.slow

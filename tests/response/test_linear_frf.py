@@ -1,5 +1,6 @@
 import cmath
 import json
+import re
 
 import numpy as np
 import pytest
@@ -169,6 +170,13 @@ def test_quadratic_drag_has_no_effect_and_a_warning_says_so(hanging):
     (warning,) = both.warnings
     assert "the damping depends on the amplitude" in warning and warning in both.report()
     assert not linear_frf(hanging, linear, F).warnings
+
+
+def test_the_warning_names_a_mode_whose_damping_changes(hanging):
+    """Strong viscous damping hides the drag of the lowest modes."""
+    (warning,) = linear_frf(hanging, QuadraticDamping(eta1=10.0, eta2=0.1), F).warnings
+    before, after = re.search(r"mode [2-9] is (\S+), not (\S+)", warning).groups()
+    assert float(before) > 1.005 * float(after)
 
 
 def test_friction_counts_with_its_slope_at_rest_and_a_warning_says_so(hanging):

@@ -10,10 +10,11 @@ rho is the value at which their ratio, less the bias 2 rho/m of a ratio of two r
 traces are sums of powers of rho over the lags.  The estimate that takes r for e is too small by 0.1 for 100 samples of
 a decay of six periods, and the variance of the estimates by a quarter.
 
-The standard deviation of rho is ((1 - rho^2)/m)^1/2.  With the variance of the prediction errors held, the power
-sum_k rho^k a_k/(1 - rho^2) in the columns of the Jacobian, whose correlations are a_k, then has the relative variance
+The standard deviation of rho from n pairs is ((1 - rho^2)/n)^1/2.  With the variance of the prediction errors held, the
+power sum_k rho^k a_k/(1 - rho^2) in the columns of the Jacobian, whose correlations are a_k, then has the relative
+variance
 
-    V = (d/d rho (log sum_k rho^k a_k - log (1 - rho^2)))^2 (1 - rho^2)/m.
+    V = (d/d rho (log sum_k rho^k a_k - log (1 - rho^2)))^2 (1 - rho^2)/n.
 
 A fit of several sensors may have noise of several colours.  The series have no correlation, a common one, or each its
 own, whichever has the lowest BIC.  With one for all, intervals of what a sensor with slow noise determines would be too
@@ -80,9 +81,10 @@ def _lagged_correlation(residuals: Array, slots: Index) -> tuple[int, float]:
 
 
 def first_correlation(residuals: Array, basis: Array, grids: Sequence[tuple[slice, Index]]) -> tuple[float, float]:
-    """Return the correlation rho of noise one step of the grid apart, and the variance of log S due to its error.
+    """Return the correlation rho of noise one step of the grid apart, and the variance V of the log of its power.
 
-    Both are 0 if no residuals are one step apart, or all are zero.
+    ``grids`` has the rows of each series, and their places (slots) on its even grid.  Both results are 0 if no
+    residuals are one step apart, or all are zero.
     """
     (m, n), gram = basis.shape, basis.T @ basis
     products, pairs, neighbours = 0.0, 0, np.zeros((m, n))
@@ -104,6 +106,7 @@ def first_correlation(residuals: Array, basis: Array, grids: Sequence[tuple[slic
         for total, columns in zip(sums, absorbed, strict=True):
             power = np.sum(transform(columns[rows], slots, length) * spectrum, axis=1).real
             total[:lags] += np.fft.irfft(power, length)[:lags] * np.where(np.arange(lags) > 0, 2, 1)
+    # if these are a subset of the residuals of a fit, the others count as white noise: I - q'q is their leverage
     limit, squares, constant = 1 - 1 / m, m + np.sum(gram * complement), np.sum(cross * complement)
     ratio = products / float(residuals @ residuals)
 
@@ -112,8 +115,8 @@ def first_correlation(residuals: Array, basis: Array, grids: Sequence[tuple[slic
 
     def excess(ρ: float) -> float:
         """Return the expected ratio of r'A r to r'r less that of the residuals."""
-        _, square, product = sums @ powers(ρ)
-        return float((ρ * pairs - product + constant) / (squares - square) - 2 * ρ / m - ratio)
+        _, absorbed_squares, absorbed_products = sums @ powers(ρ)
+        return float((ρ * pairs - absorbed_products + constant) / (squares - absorbed_squares) - 2 * ρ / m - ratio)
 
     if excess(limit) <= 0.0 or excess(-limit) >= 0.0:
         ρ = math.copysign(limit, products)

@@ -95,12 +95,12 @@ def estimated_noise(residuals: Array, basis: Array, series: Sequence[int], times
 class _RelativePower:
     """Power of a series of residuals relative to the autoregressive process, as sums from the lowest frequency on.
 
-    ``power`` and ``room`` (k + 1,) are the sums of P/E and of 1 - h, ``leverage`` (k,) is h, and ``process`` (k,) the
-    power of the process without gaps; all include the weights of the frequencies.
+    ``power`` and ``unabsorbed`` (k + 1,) are the sums of P/E and of 1 - h, ``leverage`` (k,) is h, and ``process`` (k,)
+    the power of the process without gaps; all include the weights of the frequencies.
     """
 
     power: Array
-    room: Array
+    unabsorbed: Array
     leverage: Array
     process: Array
 
@@ -117,12 +117,12 @@ def _relative_power(residuals: Array, basis: Array, slots: Index, ρ: float) -> 
     columns = np.column_stack([residuals, basis])
     power = np.abs(transform(columns, slots, length)) ** 2 * (weights / length)[:, None]
     leverage = power[:, 1:].sum(axis=1)
-    room = np.maximum(weights * len(slots) / length - leverage, 0.0)
+    unabsorbed = np.maximum(weights * len(slots) / length - leverage, 0.0)
     floor = np.finfo(float).eps * expected.max()
     process = np.maximum(even_transform(correlation, length), 0.0)
     return _RelativePower(
         power=np.concatenate([[0.0], np.cumsum(power[:, 0] / np.maximum(expected, floor))]),
-        room=np.concatenate([[0.0], np.cumsum(room)]),
+        unabsorbed=np.concatenate([[0.0], np.cumsum(unabsorbed)]),
         leverage=leverage,
         process=weights * process,
     )
@@ -130,40 +130,40 @@ def _relative_power(residuals: Array, basis: Array, slots: Index, ρ: float) -> 
 
 def _coloured_noise(
     residuals: Array,
-    variance: float,
+    white_variance: float,
     grids: Sequence[tuple[slice, Index]],
     powers: Sequence[_RelativePower],
     log_variance: float,
 ) -> Noise:
     """Return the stationary noise with the spectrum S; ``log_variance`` is V of the logarithm of S."""
-    total, room = sum(power.power[-1] for power in powers), sum(power.room[-1] for power in powers)
+    total, unabsorbed = (sum(getattr(power, name)[-1] for power in powers) for name in ("power", "unabsorbed"))
     spectra, freedoms = [], []
     for (rows, slots), power in zip(grids, powers, strict=True):
-        mean, freedom = _local_means(power, len(slots), float(total), float(room))
+        mean, freedom = _local_means(power, len(slots), float(total), float(unabsorbed))
         spectrum = _with_misfit(power.process * mean, float(np.mean(residuals[rows] ** 2)))
         spectra.append(SeriesSpectrum(rows, slots, spectrum))
         freedoms.append(freedom)
     leverage = np.concatenate([power.leverage for power in powers])
-    uncertainty = float(leverage @ (1 / np.concatenate(freedoms))) / float(leverage.sum())
-    return Noise(variance, 1 / (uncertainty + log_variance / (log_variance + 2)), tuple(spectra))
+    inverse_freedom = float(leverage @ (1 / np.concatenate(freedoms))) / float(leverage.sum())
+    return Noise(white_variance, 1 / (inverse_freedom + log_variance / (log_variance + 2)), tuple(spectra))
 
 
-def _local_means(relative: _RelativePower, samples: int, total: float, room: float) -> tuple[Array, Array]:
+def _local_means(relative: _RelativePower, samples: int, total: float, unabsorbed: float) -> tuple[Array, Array]:
     """Return the mean C (k,) over the band of each frequency, and its degrees of freedom (k,).
 
-    The widest band is the whole spectrum of all series, with the sums ``total`` and ``room``.
+    The widest band is the whole spectrum of all series, with the sums ``total`` and ``unabsorbed``.
     """
     k = np.arange(len(relative.leverage))
     bands = []
     half = NARROWEST_BAND * 2 * len(k) / max(2 * samples, 1)
     while half < len(k):
         low, high = np.maximum(k - int(half), 0), np.minimum(k + int(half) + 1, len(k))
-        bands.append((relative.power[high] - relative.power[low], relative.room[high] - relative.room[low]))
+        bands.append((relative.power[high] - relative.power[low], relative.unabsorbed[high] - relative.unabsorbed[low]))
         half *= 2
     everywhere = np.ones(len(k))
     bands += [
-        (relative.power[-1] * everywhere, relative.room[-1] * everywhere),
-        (total * everywhere, room * everywhere),
+        (relative.power[-1] * everywhere, relative.unabsorbed[-1] * everywhere),
+        (total * everywhere, unabsorbed * everywhere),
     ]
     mean, freedom = bands[-1][0] / bands[-1][1], bands[-1][1]
     lowest, highest, agrees = -np.inf * everywhere, np.inf * everywhere, np.ones(len(k), dtype=bool)

@@ -105,7 +105,7 @@ class HingedChain(SimulatorBeam):
     @cached_property
     def density(self) -> float:
         """Density with the drag of the law in mode 1, kg/m^3."""
-        speed = np.hypot(*self.speeds(0)[:, :2].T)
+        speed = np.hypot(*self.drag_speeds(0)[:, :2].T)
         mass_speeds = np.column_stack([speed, speed, 0.0 * speed]).ravel()
         beam_inertias = self.small_motion.inertias * self._along_beam
         drag = self.small_motion.damping(self.coefficients.drag * beam_inertias * mass_speeds)
@@ -131,7 +131,7 @@ class HingedChain(SimulatorBeam):
         viscous_coefficients = viscosity * math.pi * np.column_stack([6 * radius, 6 * radius, 8 * radius**3])
         turn_areas = wide * (along**4 + thick**4) / 2
         areas = np.column_stack([2 * wide * thick, 2 * along * wide, turn_areas])
-        at_masses = viscous_coefficients + density * areas * self.speeds(mode)
+        at_masses = viscous_coefficients + density * areas * self.drag_speeds(mode)
         return self.small_motion.damping(at_masses.ravel(), beta * self.beam.stiffness)
 
 

@@ -85,7 +85,7 @@ class LinkedBeam(SimulatorBeam):
     def damping(self, mode: int) -> Array:
         """Return the damping matrix, with drag linearised at the amplitude of a mode."""
         linear, drag, rotational = self.air
-        linear = linear + drag * np.linalg.norm(self.speeds(mode)[:, :2], axis=1)
+        linear = linear + drag * np.linalg.norm(self.drag_speeds(mode)[:, :2], axis=1)
         at_links = np.column_stack([linear, linear, rotational]).ravel()
         return self.small_motion.damping(at_links, self.coefficients.beta * self.beam.stiffness)
 

@@ -88,7 +88,7 @@ class CosseratBeam(SimulatorBeam):
 
     def damping(self, mode: int) -> Array:
         """Return the damping matrix, with drag linearised at the amplitude of a mode."""
-        drag = self.coefficients.drag * np.linalg.norm(self.speeds(mode)[:, :2], axis=1)
+        drag = self.coefficients.drag * np.linalg.norm(self.drag_speeds(mode)[:, :2], axis=1)
         air = (self.coefficients.eta1 + drag) * self.masses[1]
         at_masses = self.coefficients.alpha * self.small_motion.inertias
         at_masses = at_masses + np.column_stack([air, air, 0.0 * air]).ravel()

@@ -270,8 +270,8 @@ class SimulatorBeam(ABC):
         """Step that the program needs, s; None for the longest step that meets the tolerance."""
         return None
 
-    def speeds(self, mode: int) -> Array:
-        """Return the speed amplitudes (p, 3) of the masses in a mode, times 8/(3 pi).
+    def drag_speeds(self, mode: int) -> Array:
+        """Return 8/(3 pi) times the amplitudes of x, y and angular velocity of the masses in a mode, (masses, 3).
 
         A linear damper with the coefficient of drag times this value dissipates as much energy per period as drag.
         """

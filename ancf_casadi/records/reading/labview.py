@@ -111,16 +111,18 @@ def read_tdms(stream: BinaryIO, path: Path) -> Recording:
         size = path.stat().st_size
         if len(tdms_channels) > MAX_CHANNELS:
             raise InputError(f"has more than {MAX_CHANNELS} channels", str(path))
-        for item in tdms_channels:
-            name = item.name if len(file.groups()) == 1 else f"{item.group_name}/{item.name}"
-            if item.dtype is None or item.dtype.kind not in "fiuM":
+        for channel in tdms_channels:
+            name = channel.name if len(file.groups()) == 1 else f"{channel.group_name}/{channel.name}"
+            if channel.dtype is None or channel.dtype.kind not in "fiuM":  # M: times
                 notes.append(f"{name!r} has no numbers, and is left out")
                 continue
-            stored_bytes = getattr(item.data_type, "size", None) or item.dtype.itemsize  # before a scale is applied
-            if len(item) * stored_bytes > 2 * size or len(item) * item.dtype.itemsize > MAX_DATA_BYTES:
+            stored_bytes = getattr(channel.data_type, "size", None) or channel.dtype.itemsize  # before it is scaled
+            if len(channel) * stored_bytes > 2 * size:
                 raise InputError("declares more samples than it holds; it is damaged", f"{path}: {name}")
-            channels.append(_channel(len(channels) + 1, name, item))
-            starts.append(item.properties.get("wf_start_time"))
+            if len(channel) * channel.dtype.itemsize > MAX_DATA_BYTES:
+                raise InputError(f"has more than {MAX_DATA_BYTES >> 20} MB; shorten the record", f"{path}: {name}")
+            channels.append(_channel(len(channels) + 1, name, channel))
+            starts.append(channel.properties.get("wf_start_time"))
     return Recording(str(path), _on_one_clock(channels, starts), tuple(notes))
 
 

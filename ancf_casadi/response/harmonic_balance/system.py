@@ -288,7 +288,7 @@ class SecondOrderSystem(Displayed):
         Raises
         ------
         InputError
-            If the numbers of entries disagree, or the expressions contain other symbols.
+            If the numbers of entries disagree, expressions contain other symbols, or inertia is not linear in ``a``.
         """
         required = {"q": q, "v": v, "a": a, "u": u, "conservative": conservative}
         for name, value in {**required, "p": p, "damping": damping, "excitation": excitation}.items():
@@ -312,6 +312,8 @@ class SecondOrderSystem(Displayed):
         ]
         if unknown:
             raise InputError(f"contains the unknown symbols {', '.join(unknown)}; make them entries of p", "system")
+        if cs.depends_on(cs.jacobian(conservative, a), a):
+            raise InputError("must be linear in the accelerations a", "conservative")
         residual, directions = conservative + damping - excitation, [cs.SX.sym("u", u.numel()) for _ in range(2)]
         matrices = [cs.vec(cs.jacobian(residual, variable)) for variable in (q, v, a)]
         excitation_forces = [cs.jtimes(residual, u, direction) for direction in directions]

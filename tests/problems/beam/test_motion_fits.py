@@ -365,6 +365,8 @@ def test_an_unknown_start_and_the_damping_are_found(model):
     assert abs(score).max() < 3.0
     np.testing.assert_array_less(found.fit.errors, [0.1, 0.02 * force, 0.02 * abs(rate)])
     assert found.fit.residual_rms == pytest.approx(NOISE, rel=0.2)
+    with pytest.raises(InputError, match="start"):
+        found.start(1)
     start = found.start()
     assert abs(start.coordinates - state.coordinates).max() < 0.01
     assert abs(start.velocities - state.velocities)[-4:-2].max() < 0.02
